@@ -12,6 +12,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -119,6 +120,10 @@ def write(path: Path, planes: Stack, interleave: str = "band") -> None:
         file.write(planes)
 
 
+def _write_tiled(path: Path, planes: Stack, times: int, interleave: str) -> None:
+    write(path, np.tile(planes, (1, times, times)), interleave)
+
+
 def by_classifier(make: Callable[[], Any], asked: Samples) -> Any:
     """A classifier of scikit-learn on standardised bands."""
     from sklearn.pipeline import make_pipeline
@@ -192,7 +197,8 @@ def costs(side: int) -> str:
             path = Path(folder) / "stack.tif"
             small = scene("embedding, float", bands, 0, 1, Path(folder))
             row, col, radius = small.like[0]
-            write(path, np.tile(small.image, (1, side // SIDE, side // SIDE)), interleave)
+            with ProcessPoolExecutor(1) as pool:  # of its memory a new process would seem to use as much
+                pool.submit(_write_tiled, path, small.image, side // SIDE, interleave).result()
             place = f"{col},{side - row},{radius}"
             numbers = ",".join(str(band + 1) for band in range(bands))
             words = ["match", str(path), "--like", place, "--by", "color", "--bands", numbers]
