@@ -54,7 +54,7 @@ def embedding(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
 
 def quantised(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     """The same as int8."""
-    return np.rint(127 * embedding(rng, kind, bands)).astype(np.int8)
+    return np.asarray(np.rint(127 * embedding(rng, kind, bands)).astype(np.int8))
 
 
 def scaled(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
@@ -62,7 +62,7 @@ def scaled(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     planes = embedding(rng, kind, bands)
     planes[1::2] = rng.normal(0, planes.std(), planes[1::2].shape)
     units = 10.0 ** rng.uniform(-2, 3, (bands, 1, 1))
-    return (planes * units + units * rng.normal(size=units.shape)).astype(np.float32)
+    return np.asarray((planes * units + units * rng.normal(size=units.shape)).astype(np.float32))
 
 
 def dates(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:

@@ -15,14 +15,15 @@ import uavseg
 from uavseg.cli import main
 from uavseg.errors import ParameterError, SampleError, UnchosenBandsError
 from uavseg.execution.executors import threads
-from uavseg.jobs.match.match import Match, match
+from uavseg.jobs.match.match import Match, learn, match
+from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest, color_sources, ranges_of_sample
 from uavseg.jobs.match.request import MatchRequest
-from uavseg.jobs.source.open_source import open_all_bands
+from uavseg.jobs.source.open_source import open_all_bands, raster_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rings import rasterise
-from uavseg.regions.sample.place import Disc
+from uavseg.regions.sample.place import Disc, sample_mask
 
 SHAPE = (192, 208)
 PLACE = Affine(2, 0, 4e5, 0, -2, 5e6)
@@ -40,7 +41,7 @@ def kinds() -> NDArray[np.int64]:
     return found
 
 
-def features(bands: int = 24, noise: float = 0.25) -> NDArray[np.float32]:
+def features(bands: int = 24, noise: float = 0.2) -> NDArray[np.float32]:
     """Embeddings from -1 to 1: means in five dimensions, noise in all."""
     rng = np.random.default_rng(0)
     means = rng.normal(size=(4, 5)) @ rng.normal(size=(5, bands)) / 5
@@ -177,11 +178,7 @@ def test_likeness_is_that_of_blurred_bands_in_double_precision(tmp_path: Path) -
     from scipy.ndimage import correlate1d
 
     planes = features(64)
-    source = open_all_bands(write(tmp_path / "a.tif", planes))
-    from uavseg.jobs.match.match import learn
-    from uavseg.jobs.match.ranges_of_sample import color_sources
-    from uavseg.regions.sample.place import sample_mask
-
+    source = raster_of(open_all_bands(write(tmp_path / "a.tif", planes)))
     tiles = SERIAL.over(source)
     bands = color_sources(source, source.grey(tiles), (), tiles)
     similarity = learn(bands, [sample_mask(LIKE, source.geobox)], [], tiles)
@@ -233,7 +230,8 @@ def test_the_command_and_the_function_find_the_same_in_64_bands(tmp_path: Path) 
 
 def test_a_range_of_one_band_or_sum_is_found_in_64(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", features(64, noise=0.1))
-    ranges = uavseg.suggest(path, like=(LIKE.x, LIKE.y, 20))
+    raster = open_all_bands(path, ReadOptions())
+    ranges = ranges_of_sample(raster_of(raster), SuggestLikeRequest((LIKE,))).ranges
     [total] = [one for one in ranges if " * " in one.words.get("expr", "")]
     assert 2 <= total.words["expr"].count(" * ") <= 8
     regions = uavseg.extract(path, values=total.values, **total.words)

@@ -96,7 +96,8 @@ def match(
         and texture where color hardly parts the sample from the raster, or one of `window`, `similarity` and
         `intensity` is given.
     bands : sequence of int or str
-        Bands to compare, each by itself; beside texture too.
+        Bands to compare, each by itself; beside texture too. By default those of the intensity; all bands,
+        by color, where none is chosen of more than four.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     min_confidence : float, optional

@@ -158,7 +158,7 @@ def _spread(read: Callable[[Window], NDArray[Any]], dataset: Dataset, tile_pass:
     windows, (rows, cols) = _spread_windows(dataset.geobox.shape), dataset.file_block
     if not dataset.choice.stacked:
         return np.concatenate(list(tile_pass.silent.run(read, windows)))
-    windows = [_within_unit(window) for window in windows]
+    windows = [_within_unit(window).clipped(dataset.geobox.shape) for window in windows]
     order = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
     found = dict(zip(order, tile_pass.silent.run(read, [windows[k] for k in order]), strict=True))
     return np.concatenate([found[k] for k in range(len(windows))])
