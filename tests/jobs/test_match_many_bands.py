@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import numpy as np
 import pytest
 import rasterio
@@ -197,6 +198,29 @@ def test_likeness_is_that_of_blurred_bands_in_double_precision(tmp_path: Path) -
     expected = table.similarity.reshape(64, 64, 64)[tuple(places)][inner] / 65535
     assert np.abs(tile - expected).mean() < 0.002
     assert ((tile >= 0.5) == (expected >= 0.5)).mean() > 0.999
+
+
+@pytest.mark.parametrize("shape", [(13, 30), (65, 66), (70, 20)])
+def test_small_rasters_are_sampled_within_their_ends(shape: tuple[int, int]) -> None:
+    planes = np.random.default_rng(0).normal(size=(9, *shape)).astype(np.float32)
+    planes[:, :, :15] += 3
+    made = match(raster_of(open_all_bands(planes)), MatchRequest(Disc(6, 6, 5)))
+    area = rasterise(made.found.rings, Window(0, 0, *shape)) > 0
+    assert area[:, :13].mean() > 0.9 and area[:, 17:].mean() < 0.1
+
+
+def test_classes_are_told_apart_in_many_bands(tmp_path: Path) -> None:
+    path, target = write(tmp_path / "a.tif", features()), tmp_path / "classes.gpkg"
+    row, col = (np.array(places) for places in ([90, 22, 22, 22], [50, 30, 90, 150]))
+    x, y = PLACE @ np.array([col, row])
+    classes = [f"kind {kinds()[place]}" for place in zip(row, col, strict=True)]
+    assert len(set(classes)) == 4
+    shapes = geopandas.points_from_xy(x, y).buffer(20)
+    geopandas.GeoDataFrame({"class": classes}, geometry=shapes, crs="EPSG:32618").to_file(target)
+    frame = uavseg.match(path, classes=target)
+    for name, part in frame.groupby("class"):
+        expected = kinds() == int(name[-1])
+        assert part.area.sum() == pytest.approx(4 * expected.sum(), rel=0.1)
 
 
 def test_texture_needs_a_chosen_band(tmp_path: Path) -> None:
