@@ -7,20 +7,30 @@ wanted and three on other ground, or three in each. Classifiers see bands that a
 `match` does; of one disc, `match` gets that alone, and all others get the three on other ground too.
 """
 
+import os
+import subprocess
+import sys
+import warnings
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
+from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from benchmarks import table
 from benchmarks.discs.methods import by_one_class, or_nothing
-from benchmarks.match import disc_of
+from benchmarks.match import disc_of, overlap
 from benchmarks.samples import EACH, Samples, by_match, by_match_without, places
 
+SEEDS = 3
 SIDE = 256
+LARGE = 2048
 COUNTS = (4, 16, 64)
 KINDS = 6
 RADIUS = 8  # pixels
@@ -44,7 +54,7 @@ def embedding(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
 
 def quantised(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     """The same as int8."""
-    return np.rint(127 * embedding(rng, kind, bands)).astype(np.int8)
+    return np.asarray(np.rint(127 * embedding(rng, kind, bands)).astype(np.int8))
 
 
 def scaled(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
@@ -52,7 +62,7 @@ def scaled(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     planes = embedding(rng, kind, bands)
     planes[1::2] = rng.normal(0, planes.std(), planes[1::2].shape)
     units = 10.0 ** rng.uniform(-2, 3, (bands, 1, 1))
-    return (planes * units + units * rng.normal(size=units.shape)).astype(np.float32)
+    return np.asarray((planes * units + units * rng.normal(size=units.shape)).astype(np.float32))
 
 
 def dates(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
@@ -98,15 +108,20 @@ def scene(family: str, bands: int, seed: int, each: int, folder: Path, side: int
     return Samples(path, planes, truth, like, unlike)
 
 
-def write(path: Path, planes: Stack) -> None:
-    """A GeoTIFF of a stack of bands."""
+def write(path: Path, planes: Stack, interleave: str = "band") -> None:
+    """A GeoTIFF of a stack of bands, which are interleaved by band or by pixel."""
     import rasterio
 
     count, height, width = planes.shape
     size = {"count": count, "height": height, "width": width, "dtype": planes.dtype.name}
     place = {"crs": "EPSG:32633", "transform": rasterio.Affine(1, 0, 0, 0, -1, height)}
-    with rasterio.open(path, "w", "GTiff", **size, **place, photometric="MINISBLACK") as file:
+    how = {"tiled": True, "interleave": interleave, "photometric": "MINISBLACK"}
+    with rasterio.open(path, "w", "GTiff", **size, **place, **how) as file:
         file.write(planes)
+
+
+def _write_tiled(path: Path, planes: Stack, times: int, interleave: str) -> None:
+    write(path, np.tile(planes, (1, times, times)), interleave)
 
 
 def by_classifier(make: Callable[[], Any], asked: Samples) -> Any:
@@ -157,3 +172,45 @@ METHODS: dict[str, Callable[[Samples], Any]] = {
     "one-class SVM": by_one_class,
 }
 """By title; those with a star get the discs on other ground too."""
+
+
+def report(seeds: int) -> str:
+    """The tables of means: of one disc in what is wanted, and of three."""
+    parts = []
+    for each in (1, EACH):
+        found: dict[str, list[list[float]]] = {}
+        for family, bands, seed in product(FAMILIES, COUNTS, range(seeds)):
+            with TemporaryDirectory() as folder, warnings.catch_warnings(action="ignore"):
+                asked = scene(family, bands, seed, each, Path(folder))
+                values = [overlap(find(asked), asked.truth) for find in METHODS.values()]
+            for row in (f"{family}, {bands}", "all"):
+                found.setdefault(row, []).append(values)
+        parts.append(f"{each} in what is wanted:\n\n{table.mean_rows(found, ['', 'scenes', *METHODS])}")
+    return "\n\n".join(parts)
+
+
+def costs(side: int) -> str:
+    """Seconds of the processor and peak memory of `uavseg match` on rasters of so many pixels squared."""
+    cells = []
+    for interleave, bands in product(("band", "pixel"), COUNTS):
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "stack.tif"
+            small = scene("embedding, float", bands, 0, 1, Path(folder))
+            row, col, radius = small.like[0]
+            with ProcessPoolExecutor(1) as pool:  # of its memory a new process would seem to use as much
+                pool.submit(_write_tiled, path, small.image, side // SIDE, interleave).result()
+            place = f"{col},{side - row},{radius}"
+            numbers = ",".join(str(band + 1) for band in range(bands))
+            words = ["match", str(path), "--like", place, "--by", "color", "--bands", numbers]
+            command = [sys.executable, "-m", "uavseg", *words, "-q", "-o", f"{folder}/found.gpkg"]
+            process = subprocess.Popen(command)
+            _, status, used = os.wait4(process.pid, 0)
+            assert status == 0
+            seconds = used.ru_utime + used.ru_stime
+            cells.append([interleave, str(bands), f"{seconds:.1f}", f"{used.ru_maxrss / 1024:.0f}"])
+    return table.rows(["interleaved by", "bands", "CPU s", "MB"], cells)
+
+
+if __name__ == "__main__":
+    print(report(int(sys.argv[1]) if len(sys.argv) > 1 else SEEDS))
+    print(f"\n`match` on {LARGE}² pixels:\n\n{costs(LARGE)}")

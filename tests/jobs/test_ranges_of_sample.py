@@ -137,10 +137,11 @@ def test_a_raster_of_many_bands_needs_no_choice(tmp_path: Path) -> None:
     assert overlap(path, chosen[0], kind()) > 0.95
 
 
-def test_too_many_bands_are_refused(tmp_path: Path) -> None:
-    path = write(tmp_path / "a.tif", np.zeros((17, *SHAPE), np.uint8) + 5)
-    with pytest.raises(ParameterError, match="17 bands, and at most 16 are compared; choose with --bands"):
-        suggested(path)
+def test_one_band_of_many_is_the_answer(tmp_path: Path) -> None:
+    planes = noisy([patches(k, 60, 190) for k in range(17)])
+    planes[11] = noisy([np.where(kind(), 40, 120)])[0]
+    path = write(tmp_path / "a.tif", planes)
+    assert suggested(path).ranges[0].words == {"band": 12}
     with pytest.raises(ParameterError, match="there is no band 18"):
         suggested(path, bands=(1, 18))
 

@@ -106,7 +106,8 @@ def match(
         1 for the whole kind; by color also 2, what touches the samples, of finer kinds (a thing among others
         of its color), and 3, finer kinds (where the whole kind takes too much).
     bands : sequence of int or str
-        Bands to compare, each by itself; beside texture too.
+        Bands to compare, each by itself; beside texture too. By default those of the intensity; all bands,
+        by color, where none is chosen of more than four.
     refine : {"pixel", "none"}
         Boundaries to the pixel, or at the edges of cells of 8 pixels.
     min_confidence : float, optional

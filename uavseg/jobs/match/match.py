@@ -115,8 +115,8 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     if raster.all_bands:
         if request.texture_alone:
             raise UnchosenBandsError(
-                "texture is that of an intensity, and no band is chosen; choose with --band, --rgb, --index "
-                "or --expr"
+                "texture is that of an intensity, and no band is chosen as one; choose with --band, --rgb, "
+                "--index or --expr"
             )
         request = replace(request, by="color")
     detail_of(request.detail, raster.geobox, request.refine)  # refused before any work

@@ -293,9 +293,15 @@ def _of_bands(
     integers = sources[0].dataset.dtype.kind in "iu" and scales[bands[0]] == BandScale()
     features = features_of(layout, bands, options.rgb, options.formula, integers)
     summed = alike(layout, bands)
+    values = np.stack([scales[band].values(points[band]) for band in summed], 1)
+    digits = 2 if len(summed) <= _MOST_SUMMED else 12
+    while len(summed) > _MOST_SUMMED:  # leave out the half that counts least
+        parts = np.abs(linear_weights(values, similarity, digits)) * values.std(0)
+        kept = np.sort(np.argsort(-parts, kind="stable")[: max(len(parts) // 2, _MOST_SUMMED)])
+        summed, values = [summed[k] for k in kept.tolist()], values[:, kept]
     if len(summed) > 1:
-        values = np.stack([scales[band].values(points[band]) for band in summed], 1)
-        total = weighted_sum(layout, summed, linear_weights(values, similarity).tolist(), options.formula)
+        weights = [float(f"{weight:.3g}") for weight in linear_weights(values, similarity, digits).tolist()]
+        total = weighted_sum(layout, summed, weights, options.formula)
         features += [] if total is None else [total]
     best: dict[str, tuple[Feature, Interval]] = {}
     for one in features:
@@ -355,10 +361,12 @@ def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass
     """Return each band as grey, by the stretch of the raster, fitted to it; of many, by quantiles."""
     dataset, nodata = raster.cleaned(tile_pass), raster.options.nodata
     spec = raster.options.spec or AUTO
-    datasets = [dataset.of_band(band, nodata) for band in bands]
-    if len(bands) > MOST_UNCHOSEN and len({one.dtype for one in datasets}) == 1:
-        stack = dataset.stack([one.bands[0] for one in datasets], nodata)
-        datasets = [replace(one, mosaic=stack.mosaic) for one in datasets]
+    stack = dataset.stack(bands, nodata) if len(bands) > MOST_UNCHOSEN else None
+    if stack is None:
+        datasets = [dataset.of_band(band, nodata) for band in bands]
+    else:
+        choices = [replace(stack.choice, bands=(number,), stacked=False) for number in stack.bands]
+        datasets = [replace(stack, choice=choice) for choice in choices]
         if spec == AUTO:
             return list(map(GreySource, datasets, spread_stretches(stack, tile_pass)))
     return [GreySource(one, fit_stretch(one, spec, tile_pass)) for one in datasets]

@@ -201,11 +201,13 @@ class Dataset:
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
-    def stack(self, bands: Sequence[int | str], nodata: float | str | None = None) -> "Dataset":
-        """Return the same raster with the stored values of several bands of one type, valid where all are."""
-        chosen = [self.of_band(band, nodata).choice for band in bands]
-        numbers = tuple(one.bands[0] for one in chosen)
-        choice = replace(chosen[0], bands=numbers, bits=max(one.bits for one in chosen), stacked=True)
+    def stack(self, bands: Sequence[int | str], nodata: float | str | None = None) -> "Dataset | None":
+        """Return the same raster with the values of several bands; None if they are of several types."""
+        choices = [choose(self.mosaic.files[0].layout, band, None, BandWords()) for band in bands]
+        if len({one.dtype for one in choices}) > 1:
+            return None
+        choice = replace(choices[0], bands=tuple(one.bands[0] for one in choices), stacked=True)
+        check_names_agree(self.mosaic.files, choice.bands)
         files, _ = with_nodata(self.mosaic.files, choice, nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice)
 

@@ -2,10 +2,11 @@
 
 import math
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from uavseg.errors import SampleError
 from uavseg.raster.geodesy.globe import is_geographic
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
-from uavseg.raster.grid.tiling import TilePass, Window, tile_side, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, tile_side
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.raster_file import MOST_UNCHOSEN
@@ -23,7 +24,7 @@ from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.sample.similarity_table import BLUR_HALO, Axes, SimilarityTable, blurred
 from uavseg.segmentation.source import GreySource, GreyTile
-from uavseg.units import CELL, GREY_MAX
+from uavseg.units import BLOCK, CELL, GREY_MAX
 
 MIN_PIXELS = 64  # of a sample
 _WINDOWS = 32  # along each side of the raster, in which its colours are sampled
@@ -149,17 +150,41 @@ def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[n
 
 def window_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> list[NDArray[np.uint16]]:
     """Return colours of pixels in each of the windows of `spread_colors`."""
-    return list(tile_pass.silent.run(partial(_colors, bands), _spread_windows(bands[0].shape)))
+    return _spread(partial(_colors, bands), _stack_of(bands) or bands[0].dataset, tile_pass)
 
 
 def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
     """Return a stretch of each band of a stack, by quantiles in small windows all over the raster."""
-    windows = _spread_windows(dataset.geobox.shape)
-    found = np.concatenate(list(tile_pass.silent.run(partial(_values, dataset), windows)))
+    found = np.concatenate(_spread(partial(_values, dataset), dataset, tile_pass))
     lows, highs = np.quantile(found, _BULK, axis=0) if len(found) else np.zeros((2, len(dataset.bands)))
     wide = np.where(np.abs(highs) + np.abs(lows) < np.finfo(np.float32).max, highs - lows, 0)
     ends = zip((lows - wide).tolist(), (highs + wide).tolist(), strict=True)
     return [Stretch(low, high, f"quantiles -> {low:g}..{high:g}") for low, high in ends]
+
+
+def _spread(
+    read: Callable[[Window], NDArray[Any]], dataset: Dataset, tile_pass: TilePass
+) -> list[NDArray[Any]]:
+    """Read small windows spread evenly over a raster; of many bands so that each block is decoded once."""
+    windows, (rows, cols) = _windows_of(dataset), dataset.file_block
+    by_block = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
+    order = by_block if dataset.choice.stacked else range(len(windows))
+    found = dict(zip(order, tile_pass.silent.run(read, [windows[k] for k in order]), strict=True))
+    return [found[k] for k in range(len(windows))]
+
+
+def _windows_of(dataset: Dataset) -> list[Window]:
+    windows, shape = _spread_windows(dataset.geobox.shape), dataset.geobox.shape
+    return [_within_unit(one).clipped(shape) for one in windows] if dataset.choice.stacked else windows
+
+
+def _within_unit(window: Window) -> Window:
+    """Move a window with what its blur needs into 64 pixels that blocks of files do not cut."""
+    row, col = (
+        start - start % BLOCK + min(max(start % BLOCK, BLUR_HALO), BLOCK - BLUR_HALO - length)
+        for start, length in ((window.row, window.rows), (window.col, window.cols))
+    )
+    return replace(window, row=row, col=col)
 
 
 def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
@@ -220,13 +245,11 @@ def _read_blurred(
 ) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
     """Read blurred bands, or sums of them, of a window with a margin, and where all bands are valid."""
     inner = np.s_[BLUR_HALO:-BLUR_HALO, BLUR_HALO:-BLUR_HALO]
-    stack = _stack_of(bands)
+    stack, grown = _stack_of(bands), window.grown(margin + BLUR_HALO)
     if stack is not None:
-        shape = whole_blocks(window.rows), whole_blocks(window.cols)
-        grown = Window(window.row, window.col, *shape).grown(margin + BLUR_HALO)
-        count = len(bands) if axes is None else len(axes.weights)
-        greys = np.zeros((count, grown.rows, grown.cols), np.uint16)
-        valid = np.zeros(greys.shape[1:], np.uint8)
+        shape = grown.rows + -window.rows % BLOCK, grown.cols + -window.cols % BLOCK
+        greys = np.zeros((len(bands) if axes is None else len(axes.weights), *shape), np.uint16)
+        valid = np.zeros(shape, np.uint8)
         for part in _parts(stack, grown.clipped(stack.geobox.shape)):
             here = part.relative_to(grown).slices
             values, mask = stack.read(part)
@@ -329,7 +352,7 @@ def place_to_ask(
     untold = 1 - _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)]))
     wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * untold.prod(1) * pure
     gains = (_nearness(means, means) * wrong).sum(1) / max(float(likeness.sum()), 1.0)
-    geobox, windows = bands[0].dataset.geobox, _spread_windows(bands[0].shape)
+    geobox, windows = bands[0].dataset.geobox, _windows_of(_stack_of(bands) or bands[0].dataset)
     order = np.argsort(-gains * pure, kind="stable")
     for (radius, reach), k in product(_radii(geobox, known), order[gains[order] >= _MIN_GAIN].tolist()):
         window = windows[whole[k]]

@@ -20,6 +20,7 @@ BLUR_HALO = 2  # pixels
 _BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
 _TAILS = (0.001, 0.999)  # quantiles between which bins lie; values outside belong to the outer ones
 _AXES = 3
+_WITHIN = 0.7  # share of the smallest differences between neighbours, which are within one kind of ground
 _STEPS = 256  # of an axis in each bin
 _ROOM = 24576  # steps below the first bin, and as many above the last
 _MIN_LIMIT = 0.25  # of the way in similarity from pixels that are certainly of other classes to the sample
@@ -203,20 +204,29 @@ def _moved(similarity: Points, middle: float) -> Points:
 
 def _axes(points: Points, sample: Points) -> Points:
     """Return weights of bands: the bands themselves, or of more than three a projection to three axes."""
-    # The first axis is Fisher's discriminant of sample and raster, with the scatter of the sample; the others
-    # are the principal components of the rest.
+    # The first axis is Fisher's discriminant of sample and raster, the others are the principal components of
+    # the rest. Few pixels of a sample do not tell how many bands vary together, so its scatter is averaged
+    # with that of noise, from differences between neighbours (minimum noise fraction: Green et al., IEEE
+    # Transactions on Geoscience and Remote Sensing 26, 1988, 65-74), less those across borders.
     bands = points.shape[1]
     if bands <= _AXES:
         return np.eye(bands)
     scale = 1 / np.maximum(points.std(0), 1)
     values, scaled = points * scale, sample * scale
-    scatter = np.cov(scaled.T) + 0.05 * np.eye(bands)
+    steps = np.diff(values, axis=0)
+    lengths = (steps * steps).sum(1)
+    noise = _products(steps[lengths <= np.quantile(lengths, _WITHIN)]) / 2
+    scatter = (noise + _products(scaled - scaled.mean(0))) / 2 + 0.01 * np.eye(bands)
     first = np.linalg.solve(scatter, scaled.mean(0) - values.mean(0))
     first /= max(float(np.sqrt((first * first).sum())), 1e-12)
-    rest = np.cov(values.T)
     keep = np.eye(bands) - np.outer(first, first)
-    _, vectors = np.linalg.eigh(keep @ rest @ keep)
+    _, vectors = np.linalg.eigh(keep @ _products(values - values.mean(0)) @ keep)
     return np.asarray(np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale)
+
+
+def _products(rows: Points) -> Points:
+    """Average the products of columns, in a fixed order: (bands, bands)."""
+    return np.asarray(np.einsum("ni,nj->ij", rows, rows) / len(rows))
 
 
 def _project(colors: NDArray[np.uint16], weights: Points) -> Points:
