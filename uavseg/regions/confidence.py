@@ -16,12 +16,14 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
+from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
 MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
 MIN_SIMILARITY = 1e-3
+MIN_RATIO, MAX_RATIOS = -4.0, (2.0, 3.0)  # logarithms of steps over the mean step, and the deviation
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,29 +49,29 @@ class Weights:
         return np.asarray(np.round(probability, DECIMALS))
 
 
-OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
+OF_RANGES = Weights(-15.820, (1.319, -1.889, 2.249, -0.988, 8.714, -5.369, 4.029, 13.747))
 OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
 OF_CLASSES = Weights(-7.326, (1.971, -4.591, -5.918, 1.997, 0.716, 9.848, 9.33))
 OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
 
 
-def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Compute the probability that each region is right, from its size, shape, margin and contrast.
+def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike, raster: ArrayLike) -> Floats:
+    """Compute the probability that each region is right, from its size, shape, margin, border and raster.
 
     The regions are refined to the pixel, with the sums of the intensity of the range. `low` and `high` are
-    the range of v, of all regions or of each; 0 and 1 are no bounds. The confidence, (n,), is 0 to 1, in
-    thousandths; NaN where the sums of squares or the contrast are not known.
+    the range of v, of all regions or of each; 0 and 1 are no bounds. `raster` is the `scale` of the
+    `GreySource` that the regions are measured in, (3,), or of each, (n, 3). The confidence, (n,), is 0 to 1,
+    in thousandths; NaN where the sums of squares, the contrast or the scale are not known.
     """
-    return OF_RANGES.probability(region_terms(outlined, low, high))
+    return OF_RANGES.probability(region_terms(outlined, low, high, raster))
 
 
-def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 5).
+def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike, raster: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 8).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
     the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
-    mean step across the border, both in standard deviations of the region; the product of the first and the
-    last.
+    mean step across the border, both in standard deviations of the region; those of `_border_terms`.
     """
     sums = outlined.sums
     counts = np.maximum(sums.counts, 1).astype(np.float64)
@@ -79,13 +81,37 @@ def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> F
     v, lows, highs = mean / GREY_MAX, np.asarray(low, np.float64), np.asarray(high, np.float64)
     from_low, from_high = np.where(lows > 0, v - lows, np.inf), np.where(highs < 1, highs - v, np.inf)
     margin = _in_deviations(np.maximum(np.minimum(from_low, from_high), 0) * GREY_MAX, unit)
-    steps = np.full((len(counts), 2), np.nan) if sums.steps is None else sums.steps  # 0 without inner border
-    contrast = _in_deviations(steps[:, 0] / np.maximum(steps[:, 1], 1), unit)
-    return np.stack([size, _shapes(outlined.rings, counts), margin, contrast, size * contrast], 1)
+    contrast = _in_deviations(_mean_steps(sums), unit)
+    shape = _shapes(outlined.rings, counts)
+    return np.column_stack([size, shape, margin, contrast, _border_terms(sums, raster)])
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of matches: (n, 7) float64.
+def _mean_steps(sums: Sums) -> Floats:
+    """Return the mean absolute step across the border of each region: 0 without one within the raster."""
+    if sums.steps is None:
+        return np.full(len(sums.counts), np.nan)
+    return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
+
+
+def _border_terms(sums: Sums, raster: ArrayLike) -> Floats:
+    """Compute the terms that compare borders with the raster: (n, 4) float64.
+
+    In order: the share of the steps across the border that are among the largest tenth of the raster; the
+    logarithms of their mean over the mean step of the raster, and over its standard deviation; Otsu's eta of
+    the raster.
+    """
+    mean_step, deviation, separability = np.broadcast_to(raster, (len(sums.counts), 3)).T
+    steps = _mean_steps(sums) + 1
+    large = np.nan if sums.steps is None else sums.steps[:, 2] / np.maximum(sums.steps[:, 1], 1)
+    units = zip((mean_step, deviation), MAX_RATIOS, strict=True)
+    ratios = [np.clip(np.log(steps / (unit + 1)), MIN_RATIO, most) for unit, most in units]
+    return np.column_stack([np.broadcast_to(large, steps.shape), *ratios, separability])
+
+
+def match_terms(
+    outlined: RegionOutlines, similarity: Floats, parting: ArrayLike, raster: ArrayLike
+) -> Floats:
+    """Compute the terms of the confidence of matches: (n, 10) float64.
 
     Those of `region_terms` with similarity in place of grey, also in the sums of the outlines, the logarithm
     of the `similarity` of each, 0 to 1, and `parting`, the difference of the mean similarities of the sample
@@ -93,11 +119,11 @@ def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike
     """
     logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
     parts = np.broadcast_to(np.asarray(parting, np.float64), logarithm.shape)
-    return np.column_stack([region_terms(outlined, 0.5, 1), logarithm, parts])
+    return np.column_stack([region_terms(outlined, 0.5, 1, raster), logarithm, parts])
 
 
-def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """Compute the terms of the confidence of regions of classes: (n, 7) float64, as of `match_terms`.
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of regions of classes: (n, 10) float64, as of `match_terms`.
 
     The outlines are refined to the pixel, with the sums of similarity to the class of each region. `own`,
     (n,), is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of
@@ -110,7 +136,7 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Float
         sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
     )
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    return match_terms(replace(outlined, sums=of_similarity), similarity, parting)
+    return match_terms(replace(outlined, sums=of_similarity), similarity, parting, raster)
 
 
 def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:

@@ -1,21 +1,21 @@
 """Windowed reads of a dataset as 16-bit grey, and the measurement of the illumination that they subtract."""
 
 import threading
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
-from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, spread_windows, whole_blocks
 from uavseg.raster.intensity.stretch import Stretch, greys_beyond
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
-from uavseg.units import BLOCK, CELL
+from uavseg.units import BLOCK, CELL, GREY_MAX
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +29,7 @@ class GreyTile:
     valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid
     all_valid: bool  # whether every pixel of the array is valid
     excess: NDArray[np.int32] | None = None  # (M + 2 m, N + 2 m): `greys_beyond`, if any and requested
+    large_step: int = GREY_MAX  # see `GreyStatistics`
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:
@@ -40,7 +41,17 @@ class GreyTile:
         inner = np.s_[margin : self.grey.shape[0] - margin, margin : self.grey.shape[1] - margin]
         grey, valid = np.ascontiguousarray(self.grey[inner]), np.ascontiguousarray(self.valid[inner])
         excess = None if self.excess is None else np.ascontiguousarray(self.excess[inner])
-        return GreyTile(grey=grey, valid=valid, all_valid=self.all_valid, excess=excess)
+        return replace(self, grey=grey, valid=valid, excess=excess)
+
+
+@dataclass(frozen=True, slots=True)
+class GreyStatistics:
+    """Statistics of the grey of a raster, and of the absolute differences of adjacent pixels, its steps."""
+
+    mean_step: float
+    large_step: int  # the ninth decile of the steps
+    deviation: float  # standard deviation
+    separability: float  # Otsu's eta: share of the variance that lies between the two best classes, 0 to 1
 
 
 @dataclass(frozen=True)
@@ -50,11 +61,23 @@ class GreySource:
     dataset: Dataset
     stretch: Stretch
     illumination: Illumination | None = field(default=None, kw_only=True)
+    statistics: GreyStatistics | None = field(default=None, kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.dataset.geobox.shape
+
+    @property
+    def scale(self) -> tuple[float, float, float]:
+        """Mean step, standard deviation and separability; NaN where the statistics are not known."""
+        known = self.statistics
+        return (known.mean_step, known.deviation, known.separability) if known else (np.nan,) * 3
+
+    @property
+    def large_step(self) -> int:
+        """The step that `border_steps` counts from; none is larger where the statistics are not known."""
+        return GREY_MAX if self.statistics is None else self.statistics.large_step
 
     @property
     def is_intensity(self) -> bool:
@@ -81,7 +104,8 @@ class GreySource:
             self.illumination.subtract_from(pixels, mask, (part.row, part.col))
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, outside)
+            grey, valid = np.ascontiguousarray(pixels), np.ascontiguousarray(valid)
+            return GreyTile(grey, valid, mask is None, outside, self.large_step)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
         inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
         grey[inner.slices] = pixels
@@ -89,7 +113,7 @@ class GreySource:
         if outside is not None:
             outside, part_outside = np.zeros(shape, np.int32), outside
             outside[inner.slices] = part_outside
-        return GreyTile(grey, valid, False, outside)
+        return GreyTile(grey, valid, False, outside, self.large_step)
 
 
 CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
@@ -143,6 +167,51 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
     for block, (row, col) in zip(blocks, corners, strict=True):
         block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
     return blocks.reshape(-1, CACHED_SIDE)
+
+
+_WINDOWS = (6, 24, 96)  # along each side of a raster; more where the windows before hold too few pixels
+_MIN_STEPS = 4096
+AnySource = TypeVar("AnySource", bound=GreySource)
+
+
+def with_statistics(source: AnySource, tile_pass: TilePass) -> AnySource:
+    """Return a source with its statistics, of windows of 64 x 64 pixels spread evenly over the raster.
+
+    They depend neither on the executor of the pass nor on its tiles, and are 0 without valid pixels.
+    """
+    for along in _WINDOWS:
+        windows = spread_windows(source.shape, along, BLOCK)
+        parts = list(tile_pass.silent.run(partial(_steps_and_greys, source), windows))
+        steps, greys = (np.concatenate(part) for part in zip(*parts, strict=True))
+        if len(steps) >= _MIN_STEPS:
+            break
+    steps, greys = (
+        steps if len(steps) else np.zeros(1, np.uint16),
+        greys if len(greys) else np.zeros(1, np.uint16),
+    )
+    counts = np.bincount(greys).astype(np.float64)
+    shares, means = counts.cumsum() / len(greys), (counts * np.arange(len(counts))).cumsum() / len(greys)
+    inner = (shares > 0) & (shares < 1)
+    between = (means[-1] * shares - means)[inner] ** 2 / (shares * (1 - shares))[inner]
+    variance = float(greys.var())
+    statistics = GreyStatistics(
+        mean_step=float(steps.mean()),
+        large_step=int(np.quantile(steps, 0.9, method="lower")),
+        deviation=variance**0.5,
+        separability=float(between.max(initial=0)) / variance if variance else 0.0,
+    )
+    return replace(source, statistics=statistics)
+
+
+def _steps_and_greys(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return the absolute differences of adjacent valid pixels of a window, and the grey of valid pixels."""
+    if source.dataset.is_empty(window):
+        return np.empty(0, np.uint16), np.empty(0, np.uint16)
+    tile = source.read(window, 0)
+    grey, valid = tile.grey.astype(np.int32), tile.valid != 0
+    down = abs(np.diff(grey, axis=0))[valid[1:] & valid[:-1]]
+    across = abs(np.diff(grey, axis=1))[valid[:, 1:] & valid[:, :-1]]
+    return np.concatenate([down, across]).astype(np.uint16), tile.grey[valid]
 
 
 def measure_illumination(source: GreySource, width: tuple[int, int], tile_pass: TilePass) -> Illumination:

@@ -31,7 +31,7 @@ from uavseg.regions.tiles.class_tiles import LIKELY, ClassesByPixel, outline_lik
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import MAX_PIXEL_CLASSES
 
 
@@ -115,7 +115,7 @@ def learn_classes(
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
             colors = sample_colors(bands.bands, own, tile_pass, others, f"the sample of {name}", spread)
-            found = colors.similarity(bands)
+            found = with_statistics(colors.similarity(bands), tile_pass)
         means = found.table.sample_mean, found.table.other_mean
         decided("%s: likeness %.3f in its samples, %.3f in the others", name, *means)
         likenesses.append(found)
@@ -143,12 +143,12 @@ def outlines_by_classes(
 
 def alike(
     likenesses: Sequence[SimilaritySource], kind: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return how alike the samples of the class of each region are: two (n,) float64 arrays.
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return how alike the samples of the class of each region are: two (n,) float64 arrays, and an (n, 3).
 
-    Their mean likeness to it, and by how much that exceeds the mean of the raster. `kind` is the class of
-    each region, from 0.
+    Their mean likeness to it, by how much that exceeds the mean of the raster, and the `scale` of that
+    likeness. `kind` is the class of each region, from 0.
     """
     own = np.array([found.table.sample_mean for found in likenesses])
     share = np.array([found.table.raster_mean for found in likenesses])
-    return own[kind], (own - share)[kind]
+    return own[kind], (own - share)[kind], np.array([found.scale for found in likenesses])[kind]

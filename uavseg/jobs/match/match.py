@@ -36,7 +36,7 @@ from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.sample.g_scores import is_bimodal, separability
 from uavseg.segmentation.sample.similarity_table import SimilarityTable
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import GREY_MAX
 
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
@@ -167,7 +167,8 @@ def _fact(like: Disc | str) -> list[float] | str:
 def learn(bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass) -> SimilaritySource:
     """Return the raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands))
+        colors = sample_colors(bands, places, tile_pass, unlike)
+        result = with_statistics(colors.similarity(BlurredBands(bands)), tile_pass)
     means = result.table.sample_mean, result.table.raster_mean
     decided("likeness %.3f in the sample, %.3f in the raster", *means)
     return result
@@ -200,7 +201,7 @@ def regions_by_color(
     parting = like.table.sample_mean - like.table.raster_mean
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, parting)),
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, parting, like.scale)),
         request.refine,
         request.min_confidence,
     )

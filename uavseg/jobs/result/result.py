@@ -91,6 +91,7 @@ class SourceInfo:
     warnings: tuple[str, ...]
     in_metres: bool
     axis: ValueAxis | None = None
+    scale: tuple[float, float, float] = (np.nan,) * 3  # see `GreySource`
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
@@ -103,7 +104,7 @@ class SourceInfo:
         warnings = dataset.warnings + stretch.warnings
         metadata = stretch, dataset.band_names, warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
-        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis)
+        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.scale)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth

@@ -50,7 +50,9 @@ def outline_tile(
     sums.firsts[:] += (window.row, window.col)
     inside = labels[: window.rows, : window.cols]
     return TileOutlines(
-        sums=replace(sums, steps=components.border_steps(image, labels, count, tile.grey, tile.valid)),
+        sums=replace(
+            sums, steps=components.border_steps(image, labels, count, tile.grey, tile.valid, tile.large_step)
+        ),
         chains=trace_tile(image, labels, halo, (window.row, window.col), width),
         borders=(inside[0].copy(), inside[-1].copy(), inside[:, 0].copy(), inside[:, -1].copy()),
     )

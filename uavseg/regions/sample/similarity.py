@@ -13,7 +13,7 @@ from uavseg.errors import SampleError
 from uavseg.raster.geodesy.globe import is_geographic
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
-from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window, spread_windows
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.sample.similarity_table import BLUR_HALO, SimilarityTable, blurred
@@ -55,7 +55,7 @@ class SimilaritySource(GreySource):
         all_valid = bool(valid.all())
         if not all_valid:
             grey[valid == 0] = 0
-        return GreyTile(grey, valid, all_valid)
+        return GreyTile(grey, valid, all_valid, large_step=self.large_step)
 
 
 class BlurredBands:
@@ -128,7 +128,7 @@ def sample_colors(
 
 def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[np.uint16]:
     """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
-    windows = _spread_windows(bands[0].shape)
+    windows = spread_windows(bands[0].shape, _WINDOWS, _WINDOW)
     return np.concatenate(list(tile_pass.silent.run(partial(_colors, bands), windows)))
 
 
@@ -145,16 +145,6 @@ def _colors_of(
             "has; give a larger one"
         )
     return colors
-
-
-def _spread_windows(shape: tuple[int, int]) -> list[Window]:
-    starts = []
-    for length in shape:
-        count = min(_WINDOWS, -(-length // _WINDOW))
-        side = min(_WINDOW, length)
-        starts.append([(2 * k + 1) * length // (2 * count) - side // 2 for k in range(count)])
-    sides = min(_WINDOW, shape[0]), min(_WINDOW, shape[1])
-    return [Window(max(row, 0), max(col, 0), *sides).clipped(shape) for row in starts[0] for col in starts[1]]
 
 
 def _colors(bands: Sequence[GreySource], window: Window) -> NDArray[np.uint16]:
