@@ -21,9 +21,9 @@ from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
-MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
+MAX_CONTRAST = 50.0  # in standard deviations; larger ones are not told apart
 MIN_SIMILARITY = 1e-3
-MIN_RATIO, MAX_RATIOS = -4.0, (2.0, 3.0)  # logarithms of steps over the mean step, and the deviation
+MIN_RATIO, MAX_STEPS, MAX_DEVIATION = -4.0, 2.0, 3.0  # logarithms of steps over those of the raster
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,106 +49,95 @@ class Weights:
         return np.asarray(np.round(probability, DECIMALS))
 
 
-OF_RANGES = Weights(-15.820, (1.319, -1.889, 2.249, -0.988, 8.714, -5.369, 4.029, 13.747))
-OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
+OF_RANGES = Weights(-15.395, (1.364, -1.957, 10.054, -5.409, 3.639, 13.300))
+OF_MATCHES = Weights(-17.616, (0.522, -1.344, 0.250, 6.100, 16.341, 0.730))
 OF_CLASSES = Weights(-7.326, (1.971, -4.591, -5.918, 1.997, 0.716, 9.848, 9.33))
-OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
+OF_TEXTURES = Weights(-4.373, (0.728, -0.640, 6.683, 0.495, 1.675))
 
 
-def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike, raster: ArrayLike) -> Floats:
-    """Compute the probability that each region is right, from its size, shape, margin, border and raster.
+def confidence_of(outlined: RegionOutlines, raster: ArrayLike) -> Floats:
+    """Compute the probability that each region is right, from its size, shape and border, and the raster.
 
-    The regions are refined to the pixel, with the sums of the intensity of the range. `low` and `high` are
-    the range of v, of all regions or of each; 0 and 1 are no bounds. `raster` is the `scale` of the
-    `GreySource` that the regions are measured in, (3,), or of each, (n, 3). The confidence, (n,), is 0 to 1,
-    in thousandths; NaN where the sums of squares, the contrast or the scale are not known.
+    The regions are refined to the pixel, with the sums of the intensity of the range. `raster` is the `scale`
+    of the `GreySource` that they are measured in, (3,), or of each, (n, 3). The confidence, (n,), is 0 to 1,
+    in thousandths; NaN where the steps across borders or the scale are not known.
     """
-    return OF_RANGES.probability(region_terms(outlined, low, high, raster))
+    return OF_RANGES.probability(region_terms(outlined, raster))
 
 
-def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike, raster: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 8).
+def region_terms(outlined: RegionOutlines, raster: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 6).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
-    the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
-    mean step across the border, both in standard deviations of the region; those of `_border_terms`.
-    """
-    sums = outlined.sums
-    counts = np.maximum(sums.counts, 1).astype(np.float64)
-    mean = sums.greys / counts
-    unit = np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1  # greys; noise is never 0
-    size = np.log(counts)
-    v, lows, highs = mean / GREY_MAX, np.asarray(low, np.float64), np.asarray(high, np.float64)
-    from_low, from_high = np.where(lows > 0, v - lows, np.inf), np.where(highs < 1, highs - v, np.inf)
-    margin = _in_deviations(np.maximum(np.minimum(from_low, from_high), 0) * GREY_MAX, unit)
-    contrast = _in_deviations(_mean_steps(sums), unit)
-    shape = _shapes(outlined.rings, counts)
-    return np.column_stack([size, shape, margin, contrast, _border_terms(sums, raster)])
-
-
-def _mean_steps(sums: Sums) -> Floats:
-    """Return the mean absolute step across the border of each region: 0 without one within the raster."""
-    if sums.steps is None:
-        return np.full(len(sums.counts), np.nan)
-    return np.asarray(sums.steps[:, 0] / np.maximum(sums.steps[:, 1], 1))
-
-
-def _border_terms(sums: Sums, raster: ArrayLike) -> Floats:
-    """Compute the terms that compare borders with the raster: (n, 4) float64.
-
-    In order: the share of the steps across the border that are among the largest tenth of the raster; the
+    the same area; share of the steps across the border that are among the largest tenth of the raster;
     logarithms of their mean over the mean step of the raster, and over its standard deviation; Otsu's eta of
     the raster.
     """
-    mean_step, deviation, separability = np.broadcast_to(raster, (len(sums.counts), 3)).T
-    steps = _mean_steps(sums) + 1
-    large = np.nan if sums.steps is None else sums.steps[:, 2] / np.maximum(sums.steps[:, 1], 1)
-    units = zip((mean_step, deviation), MAX_RATIOS, strict=True)
-    ratios = [np.clip(np.log(steps / (unit + 1)), MIN_RATIO, most) for unit, most in units]
-    return np.column_stack([np.broadcast_to(large, steps.shape), *ratios, separability])
+    sums = outlined.sums
+    counts = np.maximum(sums.counts, 1).astype(np.float64)
+    mean_step, deviation, separability = np.broadcast_to(raster, (len(counts), 3)).T
+    total, edges, large = _steps(sums).T
+    mean = total / edges
+    beside = _log_ratio(mean, mean_step, MAX_STEPS), _log_ratio(mean, deviation, MAX_DEVIATION)
+    shape = _shapes(outlined.rings, counts)
+    return np.column_stack([np.log(counts), shape, large / edges, *beside, separability])
 
 
-def match_terms(
-    outlined: RegionOutlines, similarity: Floats, parting: ArrayLike, raster: ArrayLike
-) -> Floats:
-    """Compute the terms of the confidence of matches: (n, 10) float64.
+def match_terms(outlined: RegionOutlines, similarity: Floats, own: ArrayLike, raster: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of matches: (n, 6) float64.
 
-    Those of `region_terms` with similarity in place of grey, also in the sums of the outlines, the logarithm
-    of the `similarity` of each, 0 to 1, and `parting`, the difference of the mean similarities of the sample
-    and of the raster.
+    In order: the first two of `region_terms`; the first times the contrast, the logarithm of one more than
+    the mean step across the border in standard deviations of the region, where the sums of the outlines are
+    of similarity; the logarithm of the `similarity` of each, 0 to 1; `own`, the mean similarity of the
+    sample, which is small where much else looks like it; the logarithm of the mean step over the standard
+    deviation of the intensity, whose `scale` is `raster`.
     """
-    logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
-    parts = np.broadcast_to(np.asarray(parting, np.float64), logarithm.shape)
-    return np.column_stack([region_terms(outlined, 0.5, 1, raster), logarithm, parts])
+    sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1).astype(np.float64)
+    mean_step, deviation, _ = np.broadcast_to(raster, (len(counts), 3)).T
+    total, edges, _ = _steps(sums).T
+    variance = np.maximum(sums.squares / counts - (sums.greys / counts) ** 2, 0)
+    contrast = np.log1p(np.minimum(total / edges / (np.sqrt(variance) + 1), MAX_CONTRAST))  # noise is never 0
+    size, likeness = np.log(counts), np.log(np.maximum(similarity, MIN_SIMILARITY))
+    owns = np.broadcast_to(np.asarray(own, np.float64), size.shape)
+    rough = _log_ratio(mean_step, deviation, MAX_DEVIATION)
+    return np.column_stack([size, _shapes(outlined.rings, counts), size * contrast, likeness, owns, rough])
 
 
 def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of regions of classes: (n, 10) float64, as of `match_terms`.
+    """Compute the terms of the confidence of regions of classes: (n, 8) float64.
 
-    The outlines are refined to the pixel, with the sums of similarity to the class of each region. `own`,
-    (n,), is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of
-    that and the mean similarity of the raster to this class.
+    The outlines are refined to the pixel, with the sums of similarity to the class of each region. Those of
+    `match_terms`, with `parting` in place of `own`, then the share of large steps and the logarithm of steps
+    over the mean step, of intensity, as of `region_terms`. `own`, (n,), is the mean similarity of the samples
+    of its class to this class, `parting`, (n,), the difference of that and the mean similarity of the raster.
     """
     sums = outlined.sums
     assert sums.similarity is not None, "regions of classes have it"
-    counts, total, squares = sums.similarity.T
+    counts, total, squares, steps, edges = sums.similarity.T
     of_similarity = replace(
-        sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
+        sums,
+        counts=counts,
+        greys=total.astype(np.uint64),
+        squares=squares.astype(np.uint64),
+        steps=np.stack([steps, edges, edges], 1),
     )
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    return match_terms(replace(outlined, sums=of_similarity), similarity, parting, raster)
+    alike = match_terms(replace(outlined, sums=of_similarity), similarity, parting, raster)
+    return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
 
 
-def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 4) float64.
+def texture_terms(outlined: RegionOutlines, parting: Parting, raster: ArrayLike) -> Floats:
+    """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 5) float64.
 
     In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
-    the separability; the share of the raster, which is large where nothing ends a region.
+    the separability; the share of the raster, which is large where nothing ends a region; the logarithm of
+    steps over the standard deviation of the raster, as of `region_terms`.
     """
     counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
-    size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
+    _, shape, _, _, deviation, _ = region_terms(outlined, raster).T
+    size = np.log(counts / parting.window**2)
     separability, share = np.full_like(size, parting.separability), counts / max(parting.pixels, 1)
-    return np.column_stack([size, shape, separability, share])
+    return np.column_stack([size, shape, separability, share, deviation])
 
 
 def keep_confident(
@@ -216,8 +205,15 @@ class Confidence:
         return keep_confident(outlined, self.values, self.minimum)
 
 
-def _in_deviations(greys: Floats, unit: Floats) -> Floats:
-    return np.asarray(np.log1p(np.minimum(greys / unit, MAX_DEVIATIONS)))
+def _steps(sums: Sums) -> Floats:
+    """Return the steps of `border_steps`, with at least one edge; NaN where they are not known: (n, 3)."""
+    if sums.steps is None:
+        return np.full((len(sums.counts), 3), np.nan)
+    return np.maximum(sums.steps, (0, 1, 0)).astype(np.float64)
+
+
+def _log_ratio(greys: Floats, unit: Floats, most: float) -> Floats:
+    return np.asarray(np.clip(np.log((greys + 1) / (unit + 1)), MIN_RATIO, most))
 
 
 def _shapes(rings: Rings, counts: Floats) -> Floats:

@@ -206,7 +206,7 @@ def _union(pairs, parents):  # type: ignore[no-untyped-def]
 class Sums:
     """Sums over the pixels of each component; those of tiles merge by adding.
 
-    Those of classes have sums of similarity, and steps of similarity in place of greys.
+    Those of classes have sums of similarity, too.
     """
 
     counts: NDArray[np.int64]  # (n,): number of pixels
@@ -215,7 +215,7 @@ class Sums:
     firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
     excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
     steps: NDArray[np.int64] | None = None  # (n, 3): see `border_steps`; None if not measured
-    similarity: NDArray[np.int64] | None = None  # (n, 3): pixels, sums of it and of its squares
+    similarity: NDArray[np.int64] | None = None  # (n, 5): pixels, sum, sum of squares, steps, their edges
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:

@@ -1,9 +1,10 @@
 """Windowed reads of a dataset as 16-bit grey, and the measurement of the illumination that they subtract."""
 
+import math
 import threading
 from dataclasses import field, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class GreyTile:
     valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid
     all_valid: bool  # whether every pixel of the array is valid
     excess: NDArray[np.int32] | None = None  # (M + 2 m, N + 2 m): `greys_beyond`, if any and requested
-    large_step: int = GREY_MAX  # see `GreyStatistics`
+    large_step: int = GREY_MAX  # as of the source
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:
@@ -44,40 +45,25 @@ class GreyTile:
         return replace(self, grey=grey, valid=valid, excess=excess)
 
 
-@dataclass(frozen=True, slots=True)
-class GreyStatistics:
-    """Statistics of the grey of a raster, and of the absolute differences of adjacent pixels, its steps."""
-
-    mean_step: float
-    large_step: int  # the ninth decile of the steps
-    deviation: float  # standard deviation
-    separability: float  # Otsu's eta: share of the variance that lies between the two best classes, 0 to 1
-
-
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey."""
+    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
+
+    `scale` is the mean step, the absolute difference of adjacent pixels, the standard deviation of grey, and
+    Otsu's eta of it, the share of the variance that lies between the two best classes. Of all steps a tenth
+    exceeds `large_step`. They are known after `with_statistics`.
+    """
 
     dataset: Dataset
     stretch: Stretch
     illumination: Illumination | None = field(default=None, kw_only=True)
-    statistics: GreyStatistics | None = field(default=None, kw_only=True)
+    scale: tuple[float, float, float] = field(default=(math.nan,) * 3, kw_only=True, compare=False)
+    large_step: int = field(default=GREY_MAX, kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.dataset.geobox.shape
-
-    @property
-    def scale(self) -> tuple[float, float, float]:
-        """Mean step, standard deviation and separability; NaN where the statistics are not known."""
-        known = self.statistics
-        return (known.mean_step, known.deviation, known.separability) if known else (np.nan,) * 3
-
-    @property
-    def large_step(self) -> int:
-        """The step that `border_steps` counts from; none is larger where the statistics are not known."""
-        return GREY_MAX if self.statistics is None else self.statistics.large_step
 
     @property
     def is_intensity(self) -> bool:
@@ -171,11 +157,10 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
 
 _WINDOWS = (6, 24, 96)  # along each side of a raster; more where the windows before hold too few pixels
 _MIN_STEPS = 4096
-AnySource = TypeVar("AnySource", bound=GreySource)
 
 
-def with_statistics(source: AnySource, tile_pass: TilePass) -> AnySource:
-    """Return a source with its statistics, of windows of 64 x 64 pixels spread evenly over the raster.
+def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
+    """Return a source with its scale and large step, from windows of 64 x 64 pixels all over the raster.
 
     They depend neither on the executor of the pass nor on its tiles, and are 0 without valid pixels.
     """
@@ -194,13 +179,8 @@ def with_statistics(source: AnySource, tile_pass: TilePass) -> AnySource:
     inner = (shares > 0) & (shares < 1)
     between = (means[-1] * shares - means)[inner] ** 2 / (shares * (1 - shares))[inner]
     variance = float(greys.var())
-    statistics = GreyStatistics(
-        mean_step=float(steps.mean()),
-        large_step=int(np.quantile(steps, 0.9, method="lower")),
-        deviation=variance**0.5,
-        separability=float(between.max(initial=0)) / variance if variance else 0.0,
-    )
-    return replace(source, statistics=statistics)
+    scale = float(steps.mean()), variance**0.5, float(between.max(initial=0)) / variance if variance else 0.0
+    return replace(source, scale=scale, large_step=int(np.quantile(steps, 0.9, method="lower")))
 
 
 def _steps_and_greys(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:

@@ -72,7 +72,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
         most = f"at most {MAX_PIXEL_CLASSES} are told apart"
         raise SampleError(f"{request.classes} has {len(places)} classes; {most}")
     passes = work.over(raster).stages(3)
-    grey = raster.grey(passes[0])
+    grey = with_statistics(raster.grey(passes[0]), passes[0])
     bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     likenesses = learn_classes(bands, places, passes[0])
@@ -87,7 +87,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    terms = partial(class_terms, outlined, *alike(likenesses, kind))
+    terms = partial(class_terms, outlined, *alike(likenesses, kind), grey.scale)
     confidence = Confidence.of(
         outlined, lambda: OF_CLASSES.probability(terms()), request.refine, request.min_confidence
     )
@@ -115,7 +115,7 @@ def learn_classes(
         others = [mask for other, masks in places.items() if other != name for mask in masks]
         with phase(f"colors of {name}"):
             colors = sample_colors(bands.bands, own, tile_pass, others, f"the sample of {name}", spread)
-            found = with_statistics(colors.similarity(bands), tile_pass)
+            found = colors.similarity(bands)
         means = found.table.sample_mean, found.table.other_mean
         decided("%s: likeness %.3f in its samples, %.3f in the others", name, *means)
         likenesses.append(found)
@@ -143,12 +143,12 @@ def outlines_by_classes(
 
 def alike(
     likenesses: Sequence[SimilaritySource], kind: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return how alike the samples of the class of each region are: two (n,) float64 arrays, and an (n, 3).
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how alike the samples of the class of each region are: two (n,) float64 arrays.
 
-    Their mean likeness to it, by how much that exceeds the mean of the raster, and the `scale` of that
-    likeness. `kind` is the class of each region, from 0.
+    Their mean likeness to it, and by how much that exceeds the mean of the raster. `kind` is the class of
+    each region, from 0.
     """
     own = np.array([found.table.sample_mean for found in likenesses])
     share = np.array([found.table.raster_mean for found in likenesses])
-    return own[kind], (own - share)[kind], np.array([found.scale for found in likenesses])[kind]
+    return own[kind], (own - share)[kind]

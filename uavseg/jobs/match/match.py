@@ -167,8 +167,7 @@ def _fact(like: Disc | str) -> list[float] | str:
 def learn(bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass) -> SimilaritySource:
     """Return the raster as likeness to samples, and not to others."""
     with phase("colours of the sample"):
-        colors = sample_colors(bands, places, tile_pass, unlike)
-        result = with_statistics(colors.similarity(BlurredBands(bands)), tile_pass)
+        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands))
     means = result.table.sample_mean, result.table.raster_mean
     decided("likeness %.3f in the sample, %.3f in the raster", *means)
     return result
@@ -198,10 +197,10 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    parting = like.table.sample_mean - like.table.raster_mean
+    scale = with_statistics(grey, tiles).scale
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, parting, like.scale)),
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, like.table.sample_mean, scale)),
         request.refine,
         request.min_confidence,
     )

@@ -55,7 +55,7 @@ class SimilaritySource(GreySource):
         all_valid = bool(valid.all())
         if not all_valid:
             grey[valid == 0] = 0
-        return GreyTile(grey, valid, all_valid, large_step=self.large_step)
+        return GreyTile(grey, valid, all_valid)
 
 
 class BlurredBands:

@@ -300,5 +300,5 @@ def _with_similarity(
         found = here.view(np.uint8), labels, len(steps), tile.grey, tile.valid, tile.large_step
         steps += components.border_steps(*found)
     total = components.component_sums(labels, len(steps), similarity, REFINE_HALO)
-    columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares)]
-    return replace(sums, steps=steps, similarity=np.stack(columns, 1))
+    columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares, *steps.T[:2])]
+    return replace(sums, similarity=np.stack(columns, 1))
