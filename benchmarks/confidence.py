@@ -316,7 +316,7 @@ class Table:
             if side.any():
                 _, place, counts = np.unique(names[side], return_inverse=True, return_counts=True)
                 weights[side] = 1 / counts[place] / len(counts)
-        return weights * len(weights) / weights.sum()
+        return np.asarray(weights * len(weights) / weights.sum())
 
     def folds(self, by_kind: bool) -> NDArray[np.int64]:
         """The fold of each region: of its picture, or of its kind where that is real."""

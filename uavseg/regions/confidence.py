@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
+from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
 from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
 
@@ -24,6 +24,7 @@ DECIMALS = 3  # few enough that logarithms of other platforms make no difference
 MAX_CONTRAST = 50.0  # in standard deviations; larger ones are not told apart
 MIN_SIMILARITY = 1e-3
 MIN_RATIO, MAX_STEPS, MAX_DEVIATION = -4.0, 2.0, 3.0  # logarithms of steps over those of the raster
+Scale = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,95 +50,85 @@ class Weights:
         return np.asarray(np.round(probability, DECIMALS))
 
 
-OF_RANGES = Weights(-15.395, (1.364, -1.957, 10.054, -5.409, 3.639, 13.300))
+OF_RANGES = Weights(-15.444, (1.382, -1.979, 9.096, -4.936, 3.737, 13.387))
 OF_MATCHES = Weights(-17.616, (0.522, -1.344, 0.250, 6.100, 16.341, 0.730))
 OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0.149, 8.695, 2.234, 1.008, 5.505, -1.037))
 OF_TEXTURES = Weights(-4.373, (0.728, -0.640, 6.683, 0.495, 1.675))
 
 
-def confidence_of(outlined: RegionOutlines, raster: ArrayLike) -> Floats:
+def confidence_of(outlined: RegionOutlines, raster: Scale) -> Floats:
     """Compute the probability that each region is right, from its size, shape and border, and the raster.
 
-    The regions are refined to the pixel, with the sums of the intensity of the range. `raster` is the `scale`
-    of the `GreySource` that they are measured in, (3,), or of each, (n, 3). The confidence, (n,), is 0 to 1,
-    in thousandths; NaN where the steps across borders or the scale are not known.
+    The regions are refined to the pixel, with the sums of the intensity of the range; `raster` is the `scale`
+    of their `GreySource`. The confidence, (n,), is 0 to 1, in thousandths; NaN where the steps across borders
+    or the scale are not known.
     """
     return OF_RANGES.probability(region_terms(outlined, raster))
 
 
-def region_terms(outlined: RegionOutlines, raster: ArrayLike) -> Floats:
+def region_terms(outlined: RegionOutlines, raster: Scale) -> Floats:
     """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 6).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
     the same area; share of the steps across the border that are among the largest tenth of the raster;
-    logarithms of their mean over the mean step of the raster, and over its standard deviation; Otsu's eta of
-    the raster.
+    logarithms of their mean over the mean step of the raster, and its standard deviation; its Otsu's eta.
     """
-    sums = outlined.sums
-    counts = np.maximum(sums.counts, 1).astype(np.float64)
-    mean_step, deviation, separability = np.broadcast_to(raster, (len(counts), 3)).T
-    total, edges, large = _steps(sums).T
-    mean = total / edges
-    beside = _log_ratio(mean, mean_step, MAX_STEPS), _log_ratio(mean, deviation, MAX_DEVIATION)
-    shape = _shapes(outlined.rings, counts)
-    return np.column_stack([np.log(counts), shape, large / edges, *beside, separability])
+    mean_step, deviation, separability = raster
+    total, edges, large = _steps(outlined.sums).T
+    of_steps = _log_ratio(total / edges, mean_step, MAX_STEPS)
+    of_deviation = _log_ratio(total / edges, deviation, MAX_DEVIATION)
+    terms = *_sizes_and_shapes(outlined), large / edges, of_steps, of_deviation, separability
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, own: ArrayLike, raster: ArrayLike) -> Floats:
+def match_terms(outlined: RegionOutlines, similarity: Floats, own: ArrayLike, raster: Scale) -> Floats:
     """Compute the terms of the confidence of matches: (n, 6) float64.
 
     In order: the first two of `region_terms`; the first times the contrast, the logarithm of one more than
     the mean step across the border in standard deviations of the region, where the sums of the outlines are
     of similarity; the logarithm of the `similarity` of each, 0 to 1; `own`, the mean similarity of the
     sample, which is small where much else looks like it; the logarithm of the mean step over the standard
-    deviation of the intensity, whose `scale` is `raster`.
+    deviation of the intensity, whose scale is `raster`.
     """
-    sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1).astype(np.float64)
-    mean_step, deviation, _ = np.broadcast_to(raster, (len(counts), 3)).T
+    sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1)
     total, edges, _ = _steps(sums).T
-    variance = np.maximum(sums.squares / counts - (sums.greys / counts) ** 2, 0)
-    contrast = np.log1p(np.minimum(total / edges / (np.sqrt(variance) + 1), MAX_CONTRAST))  # noise is never 0
-    size, likeness = np.log(counts), np.log(np.maximum(similarity, MIN_SIMILARITY))
-    owns = np.broadcast_to(np.asarray(own, np.float64), size.shape)
-    rough = _log_ratio(mean_step, deviation, MAX_DEVIATION)
-    return np.column_stack([size, _shapes(outlined.rings, counts), size * contrast, likeness, owns, rough])
+    deviation = np.sqrt(np.maximum(sums.squares / counts - (sums.greys / counts) ** 2, 0)) + 1  # never 0
+    contrast = np.log1p(np.minimum(total / edges / deviation, MAX_CONTRAST))
+    size, shape = _sizes_and_shapes(outlined)
+    likeness, rough = np.log(np.maximum(similarity, MIN_SIMILARITY)), _log_ratio(*raster[:2], MAX_DEVIATION)
+    return np.stack(np.broadcast_arrays(size, shape, size * contrast, likeness, own, rough), 1)
 
 
-def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: ArrayLike) -> Floats:
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: Scale) -> Floats:
     """Compute the terms of the confidence of regions of classes: (n, 8) float64.
 
     The outlines are refined to the pixel, with the sums of similarity to the class of each region. Those of
-    `match_terms`, with `parting` in place of `own`, then the share of large steps and the logarithm of steps
-    over the mean step, of intensity, as of `region_terms`. `own`, (n,), is the mean similarity of the samples
-    of its class to this class, `parting`, (n,), the difference of that and the mean similarity of the raster.
+    `match_terms`, with `parting` in place of `own`, then the third and fourth of `region_terms`. `own`, (n,),
+    is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of that
+    and the mean similarity of the raster to this class.
     """
     sums = outlined.sums
     assert sums.similarity is not None, "regions of classes have it"
     counts, total, squares, steps, edges = sums.similarity.T
-    of_similarity = replace(
-        sums,
-        counts=counts,
-        greys=total.astype(np.uint64),
-        squares=squares.astype(np.uint64),
-        steps=np.stack([steps, edges, edges], 1),
-    )
+    greys, squared = total.astype(np.uint64), squares.astype(np.uint64)
+    steps = np.stack([steps, edges, edges], 1)
+    of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=steps)
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
     alike = match_terms(replace(outlined, sums=of_similarity), similarity, parting, raster)
     return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
 
 
-def texture_terms(outlined: RegionOutlines, parting: Parting, raster: ArrayLike) -> Floats:
+def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Scale) -> Floats:
     """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 5) float64.
 
     In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
     the separability; the share of the raster, which is large where nothing ends a region; the logarithm of
     steps over the standard deviation of the raster, as of `region_terms`.
     """
-    counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
-    _, shape, _, _, deviation, _ = region_terms(outlined, raster).T
-    size = np.log(counts / parting.window**2)
-    separability, share = np.full_like(size, parting.separability), counts / max(parting.pixels, 1)
-    return np.column_stack([size, shape, separability, share, deviation])
+    size, shape, _, _, of_deviation, _ = region_terms(outlined, raster).T
+    share = np.exp(size) / max(parting.pixels, 1)
+    terms = size - np.log(parting.window**2), shape, parting.separability, share, of_deviation
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
 def keep_confident(
@@ -207,16 +198,16 @@ class Confidence:
 
 def _steps(sums: Sums) -> Floats:
     """Return the steps of `border_steps`, with at least one edge; NaN where they are not known: (n, 3)."""
-    if sums.steps is None:
-        return np.full((len(sums.counts), 3), np.nan)
-    return np.maximum(sums.steps, (0, 1, 0)).astype(np.float64)
+    steps = np.full((len(sums.counts), 3), np.nan) if sums.steps is None else sums.steps
+    return np.maximum(steps, (0.0, 1.0, 0.0))
 
 
-def _log_ratio(greys: Floats, unit: Floats, most: float) -> Floats:
+def _log_ratio(greys: Floats | float, unit: float, most: float) -> Floats:
     return np.asarray(np.clip(np.log((greys + 1) / (unit + 1)), MIN_RATIO, most))
 
 
-def _shapes(rings: Rings, counts: Floats) -> Floats:
-    """Return the logarithm of the squared perimeter over that of a square of the same area."""
+def _sizes_and_shapes(outlined: RegionOutlines) -> tuple[Floats, Floats]:
+    """Return the first two terms of `region_terms`: (n,) each."""
+    rings, counts = outlined.rings, np.maximum(outlined.sums.counts, 1)
     perimeters = np.bincount(rings.labels, rings.pixel_perimeters(), len(counts) + 1)[1:]
-    return np.asarray(np.log(np.maximum(perimeters**2 / (16 * counts), 1)))
+    return np.log(counts), np.log(np.maximum(perimeters**2 / (16 * counts), 1))

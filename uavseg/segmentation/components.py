@@ -322,8 +322,7 @@ def border_steps(
     tiles add up to those of the raster. In `image`, (M + 2 m, N + 2 m) uint8 or uint32, adjacent pixels of
     equal value, not 0, belong together; `labels`, (M, N), are their components 1..count, without the margin.
     `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 3) int64,
-    are of each component the sum of absolute differences, the number of edges, and that of edges whose
-    difference exceeds `large`.
+    are of each component the sum of absolute differences, the number of edges, and of those above `large`.
 
     Examples
     --------

@@ -49,9 +49,8 @@ class GreyTile:
 class GreySource:
     """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
 
-    `scale` is the mean step, the absolute difference of adjacent pixels, the standard deviation of grey, and
-    Otsu's eta of it, the share of the variance that lies between the two best classes. Of all steps a tenth
-    exceeds `large_step`. They are known after `with_statistics`.
+    Known after `with_statistics`: the `scale`, which is the mean of the steps (absolute differences of
+    adjacent pixels), the standard deviation, and Otsu's eta; the `large_step`, which a tenth of them exceeds.
     """
 
     dataset: Dataset
@@ -170,10 +169,7 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
         steps, greys = (np.concatenate(part) for part in zip(*parts, strict=True))
         if len(steps) >= _MIN_STEPS:
             break
-    steps, greys = (
-        steps if len(steps) else np.zeros(1, np.uint16),
-        greys if len(greys) else np.zeros(1, np.uint16),
-    )
+    steps, greys = (part if len(part) else np.zeros(1, np.uint16) for part in (steps, greys))
     counts = np.bincount(greys).astype(np.float64)
     shares, means = counts.cumsum() / len(greys), (counts * np.arange(len(counts))).cumsum() / len(greys)
     inner = (shares > 0) & (shares < 1)
@@ -185,8 +181,6 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
 
 def _steps_and_greys(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """Return the absolute differences of adjacent valid pixels of a window, and the grey of valid pixels."""
-    if source.dataset.is_empty(window):
-        return np.empty(0, np.uint16), np.empty(0, np.uint16)
     tile = source.read(window, 0)
     grey, valid = tile.grey.astype(np.int32), tile.valid != 0
     down = abs(np.diff(grey, axis=0))[valid[1:] & valid[:-1]]

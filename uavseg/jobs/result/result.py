@@ -91,7 +91,7 @@ class SourceInfo:
     warnings: tuple[str, ...]
     in_metres: bool
     axis: ValueAxis | None = None
-    scale: tuple[float, ...] = (np.nan,) * 3  # as of `GreySource`
+    scale: tuple[float, float, float] = (np.nan,) * 3  # as of `GreySource`
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":

@@ -90,13 +90,7 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
 
 
 def spread_windows(shape: tuple[int, int], count: int, side: int) -> list[Window]:
-    """Return windows of at most `side` pixels, at most `count` along each side, spread evenly over a raster.
-
-    Examples
-    --------
-    >>> spread_windows((4, 100), 2, 8)
-    [Window(row=0, col=21, rows=4, cols=8), Window(row=0, col=71, rows=4, cols=8)]
-    """
+    """Return windows of `side` pixels, at most `count` along each side, spread evenly over a raster."""
     starts = []
     for length in shape:
         number, least = min(count, -(-length // side)), min(side, length)
