@@ -21,7 +21,7 @@ from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
-MAX_CONTRAST = 50.0  # in standard deviations; larger ones are not told apart
+MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
 MIN_SIMILARITY = 1e-3
 MIN_RATIO, MAX_STEPS, MAX_DEVIATION = -4.0, 2.0, 3.0  # logarithms of steps over those of the raster
 Scale = tuple[float, float, float]
@@ -51,8 +51,8 @@ class Weights:
 
 
 OF_RANGES = Weights(-15.444, (1.382, -1.979, 9.096, -4.936, 3.737, 13.387))
-OF_MATCHES = Weights(-17.616, (0.522, -1.344, 0.250, 6.100, 16.341, 0.730))
-OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0.149, 8.695, 2.234, 1.008, 5.505, -1.037))
+OF_MATCHES = Weights(-15.401, (0.597, -1.310, -1.353, 0.150, 0.302, 4.138, 4.312, 11.619, 0.650))
+OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0, 0, 0.149, 8.695, 2.234, 0, 1.008, 5.505, -1.037))
 OF_TEXTURES = Weights(-4.373, (0.728, -0.640, 6.683, 0.495, 1.675))
 
 
@@ -81,29 +81,33 @@ def region_terms(outlined: RegionOutlines, raster: Scale) -> Floats:
     return np.stack(np.broadcast_arrays(*terms), 1)
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, own: ArrayLike, raster: Scale) -> Floats:
-    """Compute the terms of the confidence of matches: (n, 6) float64.
+def match_terms(
+    outlined: RegionOutlines, similarity: Floats, own: ArrayLike, parting: ArrayLike, raster: Scale
+) -> Floats:
+    """Compute the terms of the confidence of matches, whose sums are of similarity: (n, 9) float64.
 
-    In order: the first two of `region_terms`; the first times the contrast, the logarithm of one more than
-    the mean step across the border in standard deviations of the region, where the sums of the outlines are
-    of similarity; the logarithm of the `similarity` of each, 0 to 1; `own`, the mean similarity of the
-    sample, which is small where much else looks like it; the logarithm of the mean step over the standard
-    deviation of the intensity, whose scale is `raster`.
+    In order: the first two of `region_terms`; logarithms of one more than the distance of the mean similarity
+    from one half, and than the mean step across the border, in standard deviations of the region; the first
+    times that; the logarithm of the `similarity` of each, 0 to 1; `parting`, the difference of the mean
+    similarities of the sample and of the raster; `own`, that of the sample, which is small where much else
+    looks like it; the logarithm of the mean step over the standard deviation of intensity, from its scale.
     """
     sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1)
     total, edges, _ = _steps(sums).T
     deviation = np.sqrt(np.maximum(sums.squares / counts - (sums.greys / counts) ** 2, 0)) + 1  # never 0
-    contrast = np.log1p(np.minimum(total / edges / deviation, MAX_CONTRAST))
+    above = np.maximum(sums.greys / counts - GREY_MAX / 2, 0)
+    margin, contrast = (np.log1p(np.minimum(x / deviation, MAX_DEVIATIONS)) for x in (above, total / edges))
     size, shape = _sizes_and_shapes(outlined)
     likeness, rough = np.log(np.maximum(similarity, MIN_SIMILARITY)), _log_ratio(*raster[:2], MAX_DEVIATION)
-    return np.stack(np.broadcast_arrays(size, shape, size * contrast, likeness, own, rough), 1)
+    terms = size, shape, margin, contrast, size * contrast, likeness, parting, own, rough
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
 def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: Scale) -> Floats:
-    """Compute the terms of the confidence of regions of classes: (n, 8) float64.
+    """Compute the terms of the confidence of regions of classes: (n, 11) float64.
 
     The outlines are refined to the pixel, with the sums of similarity to the class of each region. Those of
-    `match_terms`, with `parting` in place of `own`, then the third and fourth of `region_terms`. `own`, (n,),
+    `match_terms`, then the third and fourth of `region_terms`. `own`, (n,),
     is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of that
     and the mean similarity of the raster to this class.
     """
@@ -114,7 +118,7 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: 
     steps = np.stack([steps, edges, edges], 1)
     of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=steps)
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    alike = match_terms(replace(outlined, sums=of_similarity), similarity, parting, raster)
+    alike = match_terms(replace(outlined, sums=of_similarity), similarity, own, parting, raster)
     return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
 
 
