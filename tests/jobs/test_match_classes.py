@@ -29,6 +29,7 @@ from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import class_masks
 from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.segmentation.params.segment import SegmentParams
+from uavseg.segmentation.source import with_statistics
 
 NAMES = ("meadow", "roof", "water")
 PLACES = {"meadow": [(1020, 960), (1030, 830)], "roof": [(1070, 940)], "water": [(1240, 900), (1230, 990)]}
@@ -108,7 +109,8 @@ def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Pat
     """Sums over pixels, and over the edges of regions, beside those of a plain loop."""
     source = open_raster(str(tile))
     passes = SERIAL.begun().over(source).stages(3)
-    grey = source.grey(passes[0])
+    grey = with_statistics(source.grey(passes[0]), passes[0])
+    whole = grey.read(Window(0, 0, *SHAPE), 0).grey[: SHAPE[0], : SHAPE[1]].astype(int)
     bands = BlurredBands(color_sources(source, grey, (), passes[0].silent))
     places = class_masks(str(samples(tmp_path / "s.gpkg", *NAMES)), source.geobox)
     likenesses = learn_classes(bands, places, passes[0])
@@ -120,13 +122,14 @@ def test_the_confidence_is_of_the_likeness_of_each_region_to_its_class(tile: Pat
         of_region = own[here]
         assert outlined.sums.similarity is not None and outlined.sums.steps is not None
         plain = [len(of_region), of_region.sum(), (of_region**2).sum()]
-        assert outlined.sums.similarity[region - 1].tolist() == plain
-        across = [
-            (own[1:], own[:-1], here[1:] != here[:-1]),
-            (own[:, 1:], own[:, :-1], here[:, 1:] != here[:, :-1]),
-        ]
-        steps = np.concatenate([np.abs(one - other)[edge] for one, other, edge in across])
-        assert outlined.sums.steps[region - 1].tolist() == [steps.sum(), len(steps)]
+        down, right = here[1:] != here[:-1], here[:, 1:] != here[:, :-1]
+        steps, of_grey = (
+            np.concatenate([abs(np.diff(plane, axis=0))[down], abs(np.diff(plane, axis=1))[right]])
+            for plane in (own, whole)
+        )
+        assert outlined.sums.similarity[region - 1].tolist() == [*plain, steps.sum(), len(steps)]
+        large = np.count_nonzero(of_grey > grey.large_step)
+        assert outlined.sums.steps[region - 1].tolist() == [of_grey.sum(), len(of_grey), large]
 
 
 @pytest.mark.slow

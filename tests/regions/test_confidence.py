@@ -4,11 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from affine import Affine
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
 import uavseg
+from uavseg.raster.grid.geobox import GeoBox
+from uavseg.raster.grid.tiling import TilePass
+from uavseg.raster.intensity.stretch import Stretch
+from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.confidence import (
     OF_RANGES,
     Parting,
@@ -20,12 +25,34 @@ from uavseg.regions.confidence import (
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import border_steps, component_sums, label_components
+from uavseg.segmentation.source import GreySource, with_statistics
 
 
-def outlined(mask, grey):
+def all_steps(grey):
+    """Absolute differences of all adjacent pixels."""
+    return np.concatenate([abs(np.diff(grey.astype(int), axis=axis)).ravel() for axis in (0, 1)])
+
+
+def scale(grey):
+    """Mean step, standard deviation and Otsu's eta of a picture, threshold by threshold."""
+    g, parted = grey.astype(float), [0.0]
+    for end in np.unique(g)[:-1]:
+        low, high = g[g <= end], g[g > end]
+        parted.append(low.size * high.size / g.size**2 * (low.mean() - high.mean()) ** 2)
+    return all_steps(grey).mean(), g.std(), max(parted) / max(g.var(), 1e-9)
+
+
+def source_of(grey):
+    """A picture whose grey is that of an array."""
+    place = GeoBox(grey.shape, Affine.identity(), None)
+    return GreySource(Dataset.of_values(grey, place, "picture"), Stretch(0, 65535, "none"))
+
+
+def outlined(mask, grey, raster=None):
     """Regions of a mask, with their sums."""
     labels, count = label_components(mask.astype(np.uint8))
-    steps = border_steps(mask.astype(np.uint8), labels, count, grey, np.ones_like(mask, np.uint8))
+    large = int(np.quantile(all_steps(grey if raster is None else raster), 0.9, method="lower"))
+    steps = border_steps(mask.astype(np.uint8), labels, count, grey, np.ones_like(mask, np.uint8), large)
     return RegionOutlines(trace(labels), replace(component_sums(labels, count, grey), steps=steps))
 
 
@@ -40,15 +67,17 @@ def square():
 
 def test_terms_are_what_they_are_said_to_be(square):
     mask, grey = square
-    size, shape, margin, contrast, product = region_terms(outlined(mask, grey), 0.5, 1)[0]
-    own = grey[mask].astype(float)
+    terms = region_terms(outlined(mask, grey), scale(grey))[0]
+    size, shape, large, to_steps, to_deviation, parted = terms
     beside = np.abs(np.diff(grey.astype(int), axis=1))[mask[:, 1:] != mask[:, :-1]].tolist()
     beside += np.abs(np.diff(grey.astype(int), axis=0))[mask[1:] != mask[:-1]].tolist()
     assert size == pytest.approx(np.log(100))
     assert shape == pytest.approx(0)
-    assert margin == pytest.approx(np.log1p((own.mean() - 0.5 * 65535) / (own.std() + 1)))
-    assert contrast == pytest.approx(np.log1p(np.mean(beside) / (own.std() + 1)))
-    assert product == pytest.approx(size * contrast)
+    mean_step, deviation, eta = scale(grey)
+    assert large == np.mean(np.array(beside) > np.quantile(all_steps(grey), 0.9, method="lower"))
+    assert to_steps == pytest.approx(np.log((np.mean(beside) + 1) / (mean_step + 1)))
+    assert to_deviation == pytest.approx(np.log((np.mean(beside) + 1) / (deviation + 1)))
+    assert parted == eta
 
 
 def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
@@ -60,19 +89,19 @@ def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
     line[10:110, 1:2] = ragged
     along = np.zeros(line.shape, bool)
     along[10:110, 1] = True
-    clear = confidence_of(outlined(mask, grey), 0.5, 1)[0]
+    clear = confidence_of(outlined(mask, grey), scale(grey))[0]
     assert clear > 0.9
-    assert confidence_of(outlined(mask, faint), 0.5, 1)[0] < clear
-    assert confidence_of(outlined(along, line), 0.5, 1)[0] < 0.5
+    assert confidence_of(outlined(mask, faint, grey), scale(grey))[0] < clear  # in one raster
+    assert confidence_of(outlined(along, line, grey), scale(grey))[0] < 0.5
 
 
-@given(st.floats(0.2, 0.55), st.integers(0, 99))
-def test_dark_regions_are_as_sure_as_bright_ones(low, seed):
+@given(st.integers(0, 9999))
+def test_dark_regions_are_as_sure_as_bright_ones(seed):
     rng = np.random.default_rng(seed)
     mask = rng.random((12, 12)) < 0.4
     grey = np.rint(65535 * rng.random(mask.shape)).astype(np.uint16)
-    bright = confidence_of(outlined(mask, grey), low, 1)
-    dark = confidence_of(outlined(mask, 65535 - grey), 0, 1 - low)
+    bright = confidence_of(outlined(mask, grey), scale(grey))
+    dark = confidence_of(outlined(mask, 65535 - grey), scale(65535 - grey))
     np.testing.assert_allclose(bright, dark, atol=0.0011)
     assert ((bright >= 0) & (bright <= 1)).all()
 
@@ -81,19 +110,86 @@ def test_what_is_not_known_has_no_confidence(square):
     mask, grey = square
     found = outlined(mask, grey)
     without = replace(found, sums=replace(found.sums, steps=None))
-    assert np.isnan(confidence_of(without, 0.5, 1)).all()
+    assert np.isnan(confidence_of(without, scale(grey))).all()
+    assert np.isnan(confidence_of(found, source_of(grey).scale)).all()
 
 
 def test_a_region_without_bounds_or_borders_has_some():
     grey = np.full((8, 8), 100, np.uint16)
-    found = confidence_of(outlined(np.ones((8, 8), bool), grey), 0, 1)
+    found = confidence_of(outlined(np.ones((8, 8), bool), grey), scale(grey))
     assert np.isfinite(found).all()
 
 
 def test_the_probability_is_a_logistic_function():
-    terms = np.array([[1.0, 0.5, 2.0, 1.0, 1.0]])
+    terms = np.array([[1.0, 0.5, 0.4, 1.0, 1.0, 0.7]])
     logit = OF_RANGES.intercept + float(terms[0] @ OF_RANGES.terms)
     assert OF_RANGES.probability(terms)[0] == pytest.approx(1 / (1 + np.exp(-logit)), abs=0.0005)
+
+
+@given(st.integers(1, 64), st.integers(1, 64), st.integers(1, 4), st.integers(0, 99))
+def test_statistics_are_those_of_all_pixels_of_a_small_raster(rows, cols, kinds, seed):
+    rng = np.random.default_rng(seed)
+    grey = (rng.integers(0, kinds, (rows, cols)) * 9000 + rng.integers(0, 40, (rows, cols))).astype(np.uint16)
+    found = with_statistics(source_of(grey), TilePass([]))
+    if grey.size == 1:
+        assert found.scale == (0, 0, 0)
+        return
+    np.testing.assert_allclose(found.scale, scale(grey), rtol=1e-6)
+    assert found.large_step == np.quantile(all_steps(grey), 0.9, method="lower")
+
+
+def test_statistics_of_a_large_raster_are_near_those_of_all_its_pixels():
+    grey = np.random.default_rng(2).normal(30000, 3000, (900, 1500)).astype(np.uint16)
+    grey[:, 800:] += 9000
+    found = with_statistics(source_of(grey), TilePass([]))
+    np.testing.assert_allclose(found.scale[0], all_steps(grey).mean(), rtol=0.02)
+    np.testing.assert_allclose(found.scale[1], grey.std(), rtol=0.02)
+
+
+def test_statistics_of_a_corner_are_found_in_an_empty_raster():
+    values = np.full((1600, 1600), np.nan)
+    values[1430:1500, 1500:1580] = np.random.default_rng(4).random((70, 80))
+    place = GeoBox(values.shape, Affine.identity(), None)
+    source = GreySource(Dataset.of_values(values, place, "corner"), Stretch(0, 1, "none"))
+    assert with_statistics(source, TilePass([])).scale[0] > 10000
+    nothing = Dataset.of_values(np.full(values.shape, np.nan), place, "nothing")
+    assert with_statistics(GreySource(nothing, source.stretch), TilePass([])).scale == (0, 0, 0)
+
+
+def drawn_square(blur=0.0, noise=0.04, cut=0.0, side=24):
+    """A bright square; `cut` is noise in a third of its pixels."""
+    v = np.full((256, 256), 0.4)
+    v[100 : 100 + side, 100 : 100 + side] += 0.3
+    rng = np.random.default_rng(6)
+    v = gaussian_filter(v, blur) + rng.normal(0, noise, v.shape)
+    v[100 : 100 + side, 100 : 100 + side] += (
+        cut * rng.normal(size=(side, side)) * (rng.random((side, side)) < 1 / 3)
+    )
+    return v
+
+
+def sure(v, **words):
+    return uavseg.extract(v, range=(0.55, 1), stretch="none", **words)["confidence"].iloc[0]
+
+
+@pytest.mark.parametrize("noise", [0.01, 0.04])
+def test_a_sharp_border_is_surer_than_a_blurred_one(noise):
+    values = [sure(drawn_square(blur, noise, side=12)) for blur in (0, 1, 2, 4)]
+    assert values[0] > 0.8 and values == sorted(values, reverse=True) and values[-1] < values[0] - 0.4
+
+
+def test_a_region_that_noise_cuts_is_less_sure():
+    clear = sure(drawn_square(), refine="pixels")
+    assert sure(drawn_square(cut=0.3), refine="pixels") < clear - 0.1
+
+
+@pytest.mark.parametrize(("factor", "offset"), [(0.5, 0.1), (40, -7), (3, 100)])
+def test_an_affine_change_of_values_with_its_stretch_changes_nothing(noisy, factor, offset):
+    ends = f"{offset},{factor + offset}"
+    changed = uavseg.extract(noisy * factor + offset, range=(0.5, 1), stretch=ends)
+    first = uavseg.extract(noisy, range=(0.5, 1), stretch="0,1")
+    assert changed["pixels"].tolist() == first["pixels"].tolist()
+    np.testing.assert_allclose(changed["confidence"], first["confidence"], atol=0.0011)
 
 
 def test_the_sure_ones_are_kept_in_order():
@@ -221,5 +317,7 @@ def test_where_no_texture_is_sure_enough_a_warning_says_so(rows):
 
 def test_terms_of_texture_are_what_they_are_said_to_be(square):
     mask, grey = square
-    terms = texture_terms(outlined(mask, grey), Parting(window=8, separability=0.9, pixels=1000))[0]
-    assert terms == pytest.approx([np.log(100 / 64), 0, 0.9, 0.1])
+    parting = Parting(window=8, separability=0.9, pixels=1000)
+    terms = texture_terms(outlined(mask, grey), parting, scale(grey))[0]
+    beside = region_terms(outlined(mask, grey), scale(grey))[0, 4]
+    assert terms == pytest.approx([np.log(100 / 64), 0, 0.9, 0.1, beside])

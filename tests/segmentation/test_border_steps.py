@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from uavseg.segmentation.components import border_steps, label_equal_values
 
 
-def plain_steps(image, labels, margin, grey, valid):
+def plain_steps(image, labels, margin, grey, valid, large):
     """Edge by edge."""
-    found = defaultdict(lambda: [0, 0])
+    found = defaultdict(lambda: [0, 0, 0])
     for r, c in zip(*np.nonzero(labels), strict=True):
         row, col = r + margin, c + margin
         for there in ((row - 1, col), (row + 1, col), (row, col - 1), (row, col + 1)):
@@ -21,6 +21,7 @@ def plain_steps(image, labels, margin, grey, valid):
             if image[there] != image[row, col] and valid[there]:
                 found[int(labels[r, c])][0] += abs(int(grey[row, col]) - int(grey[there]))
                 found[int(labels[r, c])][1] += 1
+                found[int(labels[r, c])][2] += abs(int(grey[row, col]) - int(grey[there])) > large
     return [found[k] for k in range(1, labels.max(initial=0) + 1)]
 
 
@@ -37,20 +38,20 @@ def pictures(draw):
     return np.where(valid, image, 0).astype(image.dtype), grey, valid, margin
 
 
-@given(pictures())
-def test_steps_are_those_of_all_edges(drawn):
+@given(pictures(), st.integers(0, 65535))
+def test_steps_are_those_of_all_edges(drawn, large):
     image, grey, valid, margin = drawn
     labels, count = label_equal_values(image, margin)
-    found = border_steps(image, labels, count, grey, valid)
-    assert found.tolist() == plain_steps(image, labels, margin, grey, valid)
+    found = border_steps(image, labels, count, grey, valid, large)
+    assert found.tolist() == plain_steps(image, labels, margin, grey, valid, large)
 
 
 def test_large_differences_do_not_wrap():
     image = np.zeros((3, 3), np.uint8)
     image[1, 1] = 1
     grey = np.where(image, 0, 65535).astype(np.uint16)
-    found = border_steps(image, image.astype(np.uint32), 1, grey, np.ones_like(image))
-    assert found.tolist() == [[4 * 65535, 4]]
+    found = border_steps(image, image.astype(np.uint32), 1, grey, np.ones_like(image), 65534)
+    assert found.tolist() == [[4 * 65535, 4, 4]]
 
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint32])
@@ -58,4 +59,4 @@ def test_nothing_has_no_steps(kind):
     image = np.zeros((8, 8), kind)
     assert border_steps(
         image, image.astype(np.uint32), 0, image.astype(np.uint16), image.astype(np.uint8)
-    ).shape == (0, 2)
+    ).shape == (0, 3)

@@ -42,7 +42,7 @@ from uavseg.segmentation.blocks.leaves import cells_in_range
 from uavseg.segmentation.params.segment import IntensityRange, Partition, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, every_cell, measure_block_map_for
 from uavseg.segmentation.refine.detail import ThinLines
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 
 Measured = GreySource | Blocks
 
@@ -114,6 +114,7 @@ def regions_of_pixels(source: Pixels, request: ExtractRequest, work: Work) -> Ex
     """Run the phases of the paper, from pixels to regions: read this first."""
     stretching, *dividing, outlining = work.over(source).stages(2 + (not request.segment.decides_pixels))
     grey, detected = ranges.grey_for(source, request.interval, stretching)  # intensity -> v
+    grey = with_statistics(grey, outlining)
     cells = every_cell(grey.shape)
     for stage in dividing:  # texture, division of blocks, segments of leaves in range
         with phase("division"):
@@ -137,6 +138,7 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
     detected, requested = ranges.range_of_blocks(source, request.interval), request.interval
     if request.segment.decides_pixels and not isinstance(requested, ValueRange):
         grey = ranges.decided_grey(grey, requested.edges, (requested.low, requested.high))
+    grey = with_statistics(grey, outlining)
     cells = cells_to_refine(source.saved.blocks, detected.interval, request.segment)
     with phase("refinement and outlines"):
         outlined = _outlined(grey, cells, detected, request, outlining, source.saved.blocks)
@@ -198,7 +200,7 @@ def measure(
     info = SourceInfo.of(source)
     outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     ends = detected.interval.low, detected.interval.high
-    sure = partial(confidence_of, outlined, *ends)
+    sure = partial(confidence_of, outlined, info.scale)
     confidence = Confidence.of(outlined, sure, request.segment.refine, request.min_confidence)
     return measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
 
@@ -283,6 +285,7 @@ def extract_partitions(
     check_region_folder(path, overwrite)
     stretching, joining, writing = work.over(source, block_map=False).stages(3)
     grey, detected = ranges.grey_for(source, request.interval, stretching)
+    grey = with_statistics(grey, stretching)
     none = np.empty(0, np.int64)
     found = measure(number_regions(concatenate_sums([]), none, none, []), grey, detected, request)
     found = with_facts(found, source, request)

@@ -28,7 +28,7 @@ from uavseg.segmentation.blocks.leaves import cell_classes
 from uavseg.segmentation.params import segment as params
 from uavseg.segmentation.params.segment import Breaks, Levels, Partition, SegmentParams, ValueClasses
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
 
 Firsts = NDArray[np.int64]
@@ -162,6 +162,7 @@ def _outlined(
     if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
     else:
+        grey = with_statistics(grey, tile_pass)
         detail = detail_of(request.detail, grey.dataset.geobox, how, request.cover)
         outlined, classes = outline_refined_classes(grey, partition, how, tile_pass, expected, detail)
         kinds_at = classes.at
@@ -240,7 +241,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     if missing := sorted(empty - present):
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
-    sure = partial(confidence_of, outlined, *ends)
+    sure = partial(confidence_of, outlined, found.info.scale)
     confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
     result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
@@ -364,6 +365,6 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
-    sure = partial(confidence_of, outlined, *ends)
+    sure = partial(confidence_of, outlined, info.scale)
     confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
     return results.measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)

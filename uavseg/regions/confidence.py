@@ -15,13 +15,16 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
+from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
+from uavseg.segmentation.components import Sums
 from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
 DECIMALS = 3  # few enough that logarithms of other platforms make no difference
 MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
 MIN_SIMILARITY = 1e-3
+MIN_RATIO, MAX_STEPS, MAX_DEVIATION = -4.0, 2.0, 3.0  # logarithms of steps over those of the raster
+Scale = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,82 +50,89 @@ class Weights:
         return np.asarray(np.round(probability, DECIMALS))
 
 
-OF_RANGES = Weights(-7.642, (0.360, -4.779, 0.643, -0.811, 2.099))
-OF_MATCHES = Weights(-10.379, (1.501, -3.291, -3.4, 0.378, 0.759, 10.398, 10.835))
-OF_CLASSES = Weights(-7.326, (1.971, -4.591, -5.918, 1.997, 0.716, 9.848, 9.33))
-OF_TEXTURES = Weights(-7.448, (1.305, -0.751, 9.572, -5.778))
+OF_RANGES = Weights(-15.444, (1.382, -1.979, 9.096, -4.936, 3.737, 13.387))
+OF_MATCHES = Weights(-15.401, (0.597, -1.310, -1.353, 0.150, 0.302, 4.138, 4.312, 11.619, 0.650))
+OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0, 0, 0.149, 8.695, 2.234, 0, 1.008, 5.505, -1.037))
+OF_TEXTURES = Weights(-4.373, (0.728, -0.640, 6.683, 0.495, 1.675))
 
 
-def confidence_of(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Compute the probability that each region is right, from its size, shape, margin and contrast.
+def confidence_of(outlined: RegionOutlines, raster: Scale) -> Floats:
+    """Compute the probability that each region is right, from its size, shape and border, and the raster.
 
-    The regions are refined to the pixel, with the sums of the intensity of the range. `low` and `high` are
-    the range of v, of all regions or of each; 0 and 1 are no bounds. The confidence, (n,), is 0 to 1, in
-    thousandths; NaN where the sums of squares or the contrast are not known.
+    The regions are refined to the pixel, with the sums of the intensity of the range; `raster` is the `scale`
+    of their `GreySource`. The confidence, (n,), is 0 to 1, in thousandths; NaN where the steps across borders
+    or the scale are not known.
     """
-    return OF_RANGES.probability(region_terms(outlined, low, high))
+    return OF_RANGES.probability(region_terms(outlined, raster))
 
 
-def region_terms(outlined: RegionOutlines, low: ArrayLike, high: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 5).
+def region_terms(outlined: RegionOutlines, raster: Scale) -> Floats:
+    """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 6).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
-    the same area; logarithms of one more than the distance of the mean from the nearest bound, and than the
-    mean step across the border, both in standard deviations of the region; the product of the first and the
-    last.
+    the same area; share of the steps across the border that are among the largest tenth of the raster;
+    logarithms of their mean over the mean step of the raster, and its standard deviation; its Otsu's eta.
     """
-    sums = outlined.sums
-    counts = np.maximum(sums.counts, 1).astype(np.float64)
-    mean = sums.greys / counts
-    unit = np.sqrt(np.maximum(sums.squares / counts - mean * mean, 0)) + 1  # greys; noise is never 0
-    size = np.log(counts)
-    v, lows, highs = mean / GREY_MAX, np.asarray(low, np.float64), np.asarray(high, np.float64)
-    from_low, from_high = np.where(lows > 0, v - lows, np.inf), np.where(highs < 1, highs - v, np.inf)
-    margin = _in_deviations(np.maximum(np.minimum(from_low, from_high), 0) * GREY_MAX, unit)
-    steps = np.full((len(counts), 2), np.nan) if sums.steps is None else sums.steps  # 0 without inner border
-    contrast = _in_deviations(steps[:, 0] / np.maximum(steps[:, 1], 1), unit)
-    return np.stack([size, _shapes(outlined.rings, counts), margin, contrast, size * contrast], 1)
+    mean_step, deviation, separability = raster
+    total, edges, large = _steps(outlined.sums).T
+    of_steps = _log_ratio(total / edges, mean_step, MAX_STEPS)
+    of_deviation = _log_ratio(total / edges, deviation, MAX_DEVIATION)
+    terms = *_sizes_and_shapes(outlined), large / edges, of_steps, of_deviation, separability
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
-def match_terms(outlined: RegionOutlines, similarity: Floats, parting: ArrayLike) -> Floats:
-    """Compute the terms of the confidence of matches: (n, 7) float64.
+def match_terms(
+    outlined: RegionOutlines, similarity: Floats, own: ArrayLike, parting: ArrayLike, raster: Scale
+) -> Floats:
+    """Compute the terms of the confidence of matches, whose sums are of similarity: (n, 9) float64.
 
-    Those of `region_terms` with similarity in place of grey, also in the sums of the outlines, the logarithm
-    of the `similarity` of each, 0 to 1, and `parting`, the difference of the mean similarities of the sample
-    and of the raster.
+    In order: the first two of `region_terms`; logarithms of one more than the distance of the mean similarity
+    from one half, and than the mean step across the border, in standard deviations of the region; the first
+    times that; the logarithm of the `similarity` of each, 0 to 1; `parting`, the difference of the mean
+    similarities of the sample and of the raster; `own`, that of the sample, which is small where much else
+    looks like it; the logarithm of the mean step over the standard deviation of intensity, from its scale.
     """
-    logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
-    parts = np.broadcast_to(np.asarray(parting, np.float64), logarithm.shape)
-    return np.column_stack([region_terms(outlined, 0.5, 1), logarithm, parts])
+    sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1)
+    total, edges, _ = _steps(sums).T
+    deviation = np.sqrt(np.maximum(sums.squares / counts - (sums.greys / counts) ** 2, 0)) + 1  # never 0
+    above = np.maximum(sums.greys / counts - GREY_MAX / 2, 0)
+    margin, contrast = (np.log1p(np.minimum(x / deviation, MAX_DEVIATIONS)) for x in (above, total / edges))
+    size, shape = _sizes_and_shapes(outlined)
+    likeness, rough = np.log(np.maximum(similarity, MIN_SIMILARITY)), _log_ratio(*raster[:2], MAX_DEVIATION)
+    terms = size, shape, margin, contrast, size * contrast, likeness, parting, own, rough
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
-def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats) -> Floats:
-    """Compute the terms of the confidence of regions of classes: (n, 7) float64, as of `match_terms`.
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: Scale) -> Floats:
+    """Compute the terms of the confidence of regions of classes: (n, 11) float64.
 
-    The outlines are refined to the pixel, with the sums of similarity to the class of each region. `own`,
-    (n,), is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of
-    that and the mean similarity of the raster to this class.
+    The outlines are refined to the pixel, with the sums of similarity to the class of each region. Those of
+    `match_terms`, then the third and fourth of `region_terms`. `own`, (n,),
+    is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of that
+    and the mean similarity of the raster to this class.
     """
     sums = outlined.sums
     assert sums.similarity is not None, "regions of classes have it"
-    counts, total, squares = sums.similarity.T
-    of_similarity = replace(
-        sums, counts=counts, greys=total.astype(np.uint64), squares=squares.astype(np.uint64)
-    )
+    counts, total, squares, steps, edges = sums.similarity.T
+    greys, squared = total.astype(np.uint64), squares.astype(np.uint64)
+    steps = np.stack([steps, edges, edges], 1)
+    of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=steps)
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    return match_terms(replace(outlined, sums=of_similarity), similarity, parting)
+    alike = match_terms(replace(outlined, sums=of_similarity), similarity, own, parting, raster)
+    return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
 
 
-def texture_terms(outlined: RegionOutlines, parting: Parting) -> Floats:
-    """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 4) float64.
+def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Scale) -> Floats:
+    """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 5) float64.
 
     In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
-    the separability; the share of the raster, which is large where nothing ends a region.
+    the separability; the share of the raster, which is large where nothing ends a region; the logarithm of
+    steps over the standard deviation of the raster, as of `region_terms`.
     """
-    counts = np.maximum(outlined.sums.counts, 1).astype(np.float64)
-    size, shape = np.log(counts / parting.window**2), _shapes(outlined.rings, counts)
-    separability, share = np.full_like(size, parting.separability), counts / max(parting.pixels, 1)
-    return np.column_stack([size, shape, separability, share])
+    size, shape, _, _, of_deviation, _ = region_terms(outlined, raster).T
+    share = np.exp(size) / max(parting.pixels, 1)
+    terms = size - np.log(parting.window**2), shape, parting.separability, share, of_deviation
+    return np.stack(np.broadcast_arrays(*terms), 1)
 
 
 def keep_confident(
@@ -190,11 +200,18 @@ class Confidence:
         return keep_confident(outlined, self.values, self.minimum)
 
 
-def _in_deviations(greys: Floats, unit: Floats) -> Floats:
-    return np.asarray(np.log1p(np.minimum(greys / unit, MAX_DEVIATIONS)))
+def _steps(sums: Sums) -> Floats:
+    """Return the steps of `border_steps`, with at least one edge; NaN where they are not known: (n, 3)."""
+    steps = np.full((len(sums.counts), 3), np.nan) if sums.steps is None else sums.steps
+    return np.maximum(steps, (0.0, 1.0, 0.0))
 
 
-def _shapes(rings: Rings, counts: Floats) -> Floats:
-    """Return the logarithm of the squared perimeter over that of a square of the same area."""
+def _log_ratio(greys: Floats | float, unit: float, most: float) -> Floats:
+    return np.asarray(np.clip(np.log((greys + 1) / (unit + 1)), MIN_RATIO, most))
+
+
+def _sizes_and_shapes(outlined: RegionOutlines) -> tuple[Floats, Floats]:
+    """Return the first two terms of `region_terms`: (n,) each."""
+    rings, counts = outlined.rings, np.maximum(outlined.sums.counts, 1)
     perimeters = np.bincount(rings.labels, rings.pixel_perimeters(), len(counts) + 1)[1:]
-    return np.asarray(np.log(np.maximum(perimeters**2 / (16 * counts), 1)))
+    return np.log(counts), np.log(np.maximum(perimeters**2 / (16 * counts), 1))

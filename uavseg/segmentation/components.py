@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
+from uavseg.units import GREY_MAX
 
 Labels = NDArray[np.uint32]
 
@@ -210,8 +211,8 @@ class Sums:
     squares: NDArray[np.uint64]  # (n,): sum of g * g; no overflow up to 4e9 pixels
     firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
     excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
-    steps: NDArray[np.int64] | None = None  # (n, 2): see `border_steps`; None if not measured
-    similarity: NDArray[np.int64] | None = None  # (n, 3): of classes, as their steps: pixels, sums, squares
+    steps: NDArray[np.int64] | None = None  # (n, 3): see `border_steps`; None if not measured
+    similarity: NDArray[np.int64] | None = None  # (n, 5): pixels, sum, sum of squares, steps, their edges
 
 
 def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:
@@ -305,43 +306,49 @@ def _edge_keys(labels: NDArray[np.uint32], first: bool) -> NDArray[np.int64]:
 
 
 def border_steps(
-    image: NDArray[Any], labels: Labels, count: int, grey: NDArray[np.uint16], valid: NDArray[np.uint8]
+    image: NDArray[Any],
+    labels: Labels,
+    count: int,
+    grey: NDArray[np.uint16],
+    valid: NDArray[np.uint8],
+    large: int = GREY_MAX,
 ) -> NDArray[np.int64]:
     """Sum the differences of grey across the pixel edges along the borders of components.
 
     Edges along the border of a tile count where the margin holds a pixel of another value, so the sums of
     tiles add up to those of the raster. In `image`, (M + 2 m, N + 2 m) uint8 or uint32, adjacent pixels of
     equal value, not 0, belong together; `labels`, (M, N), are their components 1..count, without the margin.
-    `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 2) int64,
-    are of each component the sum of absolute differences, and the number of edges.
+    `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 3) int64,
+    are of each component the sum of absolute differences, the number of edges, and of those above `large`.
 
     Examples
     --------
     >>> image = np.array([[0, 1, 1, 0]], np.uint8)
     >>> grey = np.array([[10, 50, 60, 90]], np.uint16)
-    >>> border_steps(image, image.astype(np.uint32), 1, grey, np.ones_like(image)).tolist()
-    [[70, 2]]
+    >>> border_steps(image, image.astype(np.uint32), 1, grey, np.ones_like(image), 30).tolist()
+    [[70, 2, 1]]
     """
-    steps = np.zeros((count, 2), np.int64)
+    steps = np.zeros((count, 3), np.int64)
     margin = (image.shape[0] - labels.shape[0]) // 2
     words = view_as_words(image, margin) if margin else np.empty((0, 0), np.uint64)
     sum_steps = _steps_u1 if image.dtype == np.uint8 else _steps_u4
-    sum_steps(image, words, margin, labels, grey, valid, steps)
+    sum_steps(image, words, margin, labels, grey, valid, large, steps)
     return steps
 
 
 @inlined
-def _add_step(steps, labels, margin, step, row, col):  # type: ignore[no-untyped-def]
+def _add_step(steps, labels, margin, step, large, row, col):  # type: ignore[no-untyped-def]
     """Add a difference to the component of a pixel, if it lies in the tile."""
     r, c = row - margin, col - margin
     if 0 <= r < labels.shape[0] and 0 <= c < labels.shape[1]:
         owner = np.int64(labels[r, c]) - 1
         steps[owner, 0] += step
         steps[owner, 1] += 1
+        steps[owner, 2] += step > large
 
 
 @inlined
-def _add_edge(image, grey, valid, labels, margin, steps, row, col, down):  # type: ignore[no-untyped-def]
+def _add_edge(image, grey, valid, labels, margin, large, steps, row, col, down):  # type: ignore[no-untyped-def]
     """Add the difference of a pixel to the one above it, or to its left, across a border."""
     row_before = row - down
     col_before = col - (1 - down)
@@ -349,12 +356,12 @@ def _add_edge(image, grey, valid, labels, margin, steps, row, col, down):  # typ
     if value != before and valid[row, col] != 0 and valid[row_before, col_before] != 0:
         step = abs(np.int64(grey[row, col]) - np.int64(grey[row_before, col_before]))
         if value != 0:
-            _add_step(steps, labels, margin, step, row, col)
+            _add_step(steps, labels, margin, step, large, row, col)
         if before != 0:
-            _add_step(steps, labels, margin, step, row_before, col_before)
+            _add_step(steps, labels, margin, step, large, row_before, col_before)
 
 
-def _sum_steps(image, words, margin, labels, grey, valid, steps):  # type: ignore[no-untyped-def]
+def _sum_steps(image, words, margin, labels, grey, valid, large, steps):  # type: ignore[no-untyped-def]
     # Where eight pixels equal those before them, there is no border; words is empty if it cannot be used.
     rows, cols = labels.shape
     ones = np.uint64(0x0101010101010101)
@@ -374,11 +381,11 @@ def _sum_steps(image, words, margin, labels, grey, valid, steps):  # type: ignor
                 continue
             for col in range(first, min(first + 8, margin + cols + 1, image.shape[1])):
                 if down and col < margin + cols:
-                    _add_edge(image, grey, valid, labels, margin, steps, row, col, 1)
+                    _add_edge(image, grey, valid, labels, margin, large, steps, row, col, 1)
                 if across and col > 0:
-                    _add_edge(image, grey, valid, labels, margin, steps, row, col, 0)
+                    _add_edge(image, grey, valid, labels, margin, large, steps, row, col, 0)
 
 
-_SIGNATURE = "void({}[:,::1], u8[:,::1], i8, u4[:,::1], u2[:,::1], u1[:,::1], i8[:,::1])"
+_SIGNATURE = "void({}[:,::1], u8[:,::1], i8, u4[:,::1], u2[:,::1], u1[:,::1], i8, i8[:,::1])"
 _steps_u1 = kernel(_SIGNATURE.format("u1"))(_sum_steps)
 _steps_u4 = kernel(_SIGNATURE.format("u4"))(_sum_steps)

@@ -1,7 +1,8 @@
 """Windowed reads of a dataset as 16-bit grey, and the measurement of the illumination that they subtract."""
 
+import math
 import threading
-from dataclasses import field
+from dataclasses import field, replace
 from functools import partial
 from typing import Any
 
@@ -10,12 +11,12 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
-from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
+from uavseg.raster.grid.tiling import TilePass, Window, spread_windows, whole_blocks
 from uavseg.raster.intensity.stretch import Stretch, greys_beyond
 from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.segmentation.params.illumination import Illumination, fit_illumination, square_side
-from uavseg.units import BLOCK, CELL
+from uavseg.units import BLOCK, CELL, GREY_MAX
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +27,7 @@ class GreyTile:
     valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid
     all_valid: bool  # whether every pixel of the array is valid
     excess: NDArray[np.int32] | None = None  # (M + 2 m, N + 2 m): `greys_beyond`, if any and requested
+    large_step: int = GREY_MAX  # as of the source
 
     @property
     def mask(self) -> NDArray[np.uint8] | None:
@@ -37,16 +39,22 @@ class GreyTile:
         inner = np.s_[margin : self.grey.shape[0] - margin, margin : self.grey.shape[1] - margin]
         grey, valid = np.ascontiguousarray(self.grey[inner]), np.ascontiguousarray(self.valid[inner])
         excess = None if self.excess is None else np.ascontiguousarray(self.excess[inner])
-        return GreyTile(grey=grey, valid=valid, all_valid=self.all_valid, excess=excess)
+        return replace(self, grey=grey, valid=valid, excess=excess)
 
 
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey."""
+    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
+
+    Known after `with_statistics`: the `scale`, which is the mean of the steps (absolute differences of
+    adjacent pixels), the standard deviation, and Otsu's eta; the `large_step`, which a tenth of them exceeds.
+    """
 
     dataset: Dataset
     stretch: Stretch
     illumination: Illumination | None = field(default=None, kw_only=True)
+    scale: tuple[float, float, float] = field(default=(math.nan,) * 3, kw_only=True, compare=False)
+    large_step: int = field(default=GREY_MAX, kw_only=True)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -78,7 +86,8 @@ class GreySource:
             self.illumination.subtract_from(pixels, mask, (part.row, part.col))
         if part.rows == shape[0] and part.cols == shape[1]:
             valid = np.ones(shape, np.uint8) if mask is None else mask.view(np.uint8)
-            return GreyTile(np.ascontiguousarray(pixels), np.ascontiguousarray(valid), mask is None, outside)
+            grey, valid = np.ascontiguousarray(pixels), np.ascontiguousarray(valid)
+            return GreyTile(grey, valid, mask is None, outside, self.large_step)
         grey, valid = np.zeros(shape, np.uint16), np.zeros(shape, np.uint8)
         inner = Window(part.row - window.row + margin, part.col - window.col + margin, part.rows, part.cols)
         grey[inner.slices] = pixels
@@ -86,7 +95,7 @@ class GreySource:
         if outside is not None:
             outside, part_outside = np.zeros(shape, np.int32), outside
             outside[inner.slices] = part_outside
-        return GreyTile(grey, valid, False, outside)
+        return GreyTile(grey, valid, False, outside, self.large_step)
 
 
 CAPACITY = 128 << 20  # bytes: the mixed blocks of a raster of about 16000 x 16000 pixels
@@ -140,6 +149,40 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
     for block, (row, col) in zip(blocks, corners, strict=True):
         block[:] = image[row : row + CACHED_SIDE, col : col + CACHED_SIDE]
     return blocks.reshape(-1, CACHED_SIDE)
+
+
+_WINDOWS = (6, 24, 96)  # along each side of a raster; more where the windows before hold too few pixels
+_MIN_STEPS = 4096
+
+
+def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
+    """Return a source with its scale and large step, from windows of 64 x 64 pixels all over the raster.
+
+    They depend neither on the executor of the pass nor on its tiles, and are 0 without valid pixels.
+    """
+    for along in _WINDOWS:
+        windows = spread_windows(source.shape, along, BLOCK)
+        parts = list(tile_pass.silent.run(partial(_steps_and_greys, source), windows))
+        steps, greys = (np.concatenate(part) for part in zip(*parts, strict=True))
+        if len(steps) >= _MIN_STEPS:
+            break
+    steps, greys = (part if len(part) else np.zeros(1, np.uint16) for part in (steps, greys))
+    counts = np.bincount(greys).astype(np.float64)
+    shares, means = counts.cumsum() / len(greys), (counts * np.arange(len(counts))).cumsum() / len(greys)
+    inner = (shares > 0) & (shares < 1)
+    between = (means[-1] * shares - means)[inner] ** 2 / (shares * (1 - shares))[inner]
+    variance = float(greys.var())
+    scale = float(steps.mean()), variance**0.5, float(between.max(initial=0)) / variance if variance else 0.0
+    return replace(source, scale=scale, large_step=int(np.quantile(steps, 0.9, method="lower")))
+
+
+def _steps_and_greys(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+    """Return the absolute differences of adjacent valid pixels of a window, and the grey of valid pixels."""
+    tile = source.read(window, 0)
+    grey, valid = tile.grey.astype(np.int32), tile.valid != 0
+    down = abs(np.diff(grey, axis=0))[valid[1:] & valid[:-1]]
+    across = abs(np.diff(grey, axis=1))[valid[:, 1:] & valid[:, :-1]]
+    return np.concatenate([down, across]).astype(np.uint16), tile.grey[valid]
 
 
 def measure_illumination(source: GreySource, width: tuple[int, int], tile_pass: TilePass) -> Illumination:

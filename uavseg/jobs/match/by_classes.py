@@ -31,7 +31,7 @@ from uavseg.regions.tiles.class_tiles import LIKELY, ClassesByPixel, outline_lik
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_maps_for
 from uavseg.segmentation.refine.detail import Detail
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import MAX_PIXEL_CLASSES
 
 
@@ -72,7 +72,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
         most = f"at most {MAX_PIXEL_CLASSES} are told apart"
         raise SampleError(f"{request.classes} has {len(places)} classes; {most}")
     passes = work.over(raster).stages(3)
-    grey = raster.grey(passes[0])
+    grey = with_statistics(raster.grey(passes[0]), passes[0])
     bands = BlurredBands(color_sources(raster, grey, request.bands, passes[0].silent))
     params = SegmentParams(refine="none") if request.refine == "none" else SegmentParams()
     likenesses = learn_classes(bands, places, passes[0])
@@ -87,7 +87,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    terms = partial(class_terms, outlined, *alike(likenesses, kind))
+    terms = partial(class_terms, outlined, *alike(likenesses, kind), grey.scale)
     confidence = Confidence.of(
         outlined, lambda: OF_CLASSES.probability(terms()), request.refine, request.min_confidence
     )

@@ -46,7 +46,7 @@ from uavseg.segmentation.refine.detail import Detail
 from uavseg.segmentation.sample import pixel_decision
 from uavseg.segmentation.sample.g_scores import NULL_SCORE, SCORE_UNITS, separability
 from uavseg.segmentation.sample.pixel_decision import DECISION_HALO, PixelWeights
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import CELL, GREY_MAX
 
 Passes = Sequence[TilePass]
@@ -100,6 +100,7 @@ def search_texture(
     grey: GreySource, bands: Sequence[GreySource], place: SampleMask, request: MatchRequest, passes: Passes
 ) -> TextureSearch:
     """Score all cells of a raster against a sample, in two passes; the intensity of `bands` counts too."""
+    grey = with_statistics(grey, passes[0])
     side = (request.window or fitting_window(place) or USUAL_WINDOWS[-1]) // CELL
     with phase("cells and the sample"):
         known = measure_cells(grey, passes[0])
@@ -167,7 +168,7 @@ def _measured(
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     how = request.refine, request.min_confidence
-    terms = partial(texture_terms, outlined)
+    terms = partial(texture_terms, outlined, raster=grey.scale)
     confidence = Confidence.of(outlined, lambda: OF_TEXTURES.probability(terms(parting_of(search))), *how)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tiles))}
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, confidence=confidence)

@@ -45,7 +45,7 @@ from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
 from uavseg.segmentation.sample.g_scores import is_bimodal, separability
 from uavseg.segmentation.sample.similarity_table import SimilarityTable
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import GREY_MAX
 
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
@@ -275,10 +275,11 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    parting = like.table.sample_mean - like.table.raster_mean
+    own, parting = like.table.sample_mean, like.table.sample_mean - like.table.raster_mean
+    scale = with_statistics(grey, tiles).scale
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, parting)),
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, scale)),
         request.refine,
         request.min_confidence,
     )

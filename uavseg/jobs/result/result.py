@@ -87,6 +87,7 @@ class SourceInfo:
     warnings: tuple[str, ...]
     in_metres: bool  # whether lengths are metres rather than units of the map
     axis: ValueAxis | None = None  # how v maps to values in the raster's own units, where known
+    scale: tuple[float, float, float] = (np.nan,) * 3  # as of `GreySource`
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
@@ -99,7 +100,7 @@ class SourceInfo:
         warnings = dataset.warnings + stretch.warnings
         metadata = stretch, dataset.band_names, warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
-        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis)
+        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.scale)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth

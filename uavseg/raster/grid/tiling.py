@@ -89,6 +89,16 @@ def tiles(shape: tuple[int, int], side: int | tuple[int, int]) -> list[Window]:
     return [Window(*place, tile_rows, tile_cols).clipped(shape) for place in places]
 
 
+def spread_windows(shape: tuple[int, int], count: int, side: int) -> list[Window]:
+    """Return windows of `side` pixels, at most `count` along each side, spread evenly over a raster."""
+    starts = []
+    for length in shape:
+        number, least = min(count, -(-length // side)), min(side, length)
+        starts.append([(2 * k + 1) * length // (2 * number) - least // 2 for k in range(number)])
+    sides = min(side, shape[0]), min(side, shape[1])
+    return [Window(max(row, 0), max(col, 0), *sides).clipped(shape) for row, col in product(*starts)]
+
+
 def in_panels(windows: list[Window]) -> list[Window]:
     """Return the same tiles, panel by panel of 8192 columns, each panel row by row.
 

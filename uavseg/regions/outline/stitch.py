@@ -49,8 +49,9 @@ def outline_tile(
     sums = components.with_excess(components.component_sums(labels, count, tile.grey, halo), labels, beyond)
     sums.firsts[:] += (window.row, window.col)
     inside = labels[: window.rows, : window.cols]
+    steps = components.border_steps(image, labels, count, tile.grey, tile.valid, tile.large_step)
     return TileOutlines(
-        sums=replace(sums, steps=components.border_steps(image, labels, count, tile.grey, tile.valid)),
+        sums=replace(sums, steps=steps),
         chains=trace_tile(image, labels, halo, (window.row, window.col), width),
         borders=(inside[0].copy(), inside[-1].copy(), inside[:, 0].copy(), inside[:, -1].copy()),
     )

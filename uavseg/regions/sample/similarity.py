@@ -16,7 +16,7 @@ from uavseg.errors import SampleError
 from uavseg.raster.geodesy.globe import is_geographic
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_steps
-from uavseg.raster.grid.tiling import TilePass, Window, tile_side
+from uavseg.raster.grid.tiling import TilePass, Window, spread_windows, tile_side
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.raster_file import MOST_UNCHOSEN
@@ -174,7 +174,8 @@ def _spread(
 
 
 def _windows_of(dataset: Dataset) -> list[Window]:
-    windows, shape = _spread_windows(dataset.geobox.shape), dataset.geobox.shape
+    shape = dataset.geobox.shape
+    windows = spread_windows(shape, _WINDOWS, _WINDOW)
     return [_within_unit(one).clipped(shape) for one in windows] if dataset.choice.stacked else windows
 
 
@@ -208,16 +209,6 @@ def _colors_of(
             "has; give a larger one"
         )
     return colors
-
-
-def _spread_windows(shape: tuple[int, int]) -> list[Window]:
-    starts = []
-    for length in shape:
-        count = min(_WINDOWS, -(-length // _WINDOW))
-        side = min(_WINDOW, length)
-        starts.append([(2 * k + 1) * length // (2 * count) - side // 2 for k in range(count)])
-    sides = min(_WINDOW, shape[0]), min(_WINDOW, shape[1])
-    return [Window(max(row, 0), max(col, 0), *sides).clipped(shape) for row in starts[0] for col in starts[1]]
 
 
 def _colors(bands: Sequence[GreySource], window: Window) -> NDArray[np.uint16]:

@@ -293,11 +293,12 @@ def _with_similarity(
     tiles: Mapping[int, GreyTile],
 ) -> components.Sums:
     """Return sums with those of the similarity of each region to its class; `tiles` has it by class."""
-    similarity, steps = np.zeros(pixels.shape, np.uint16), np.zeros((len(sums.counts), 2), np.int64)
+    similarity, steps = np.zeros(pixels.shape, np.uint16), np.zeros((len(sums.counts), 3), np.int64)
     for number, tile in tiles.items():
         here = pixels == number
         np.copyto(similarity, tile.grey, where=here)
-        steps += components.border_steps(here.view(np.uint8), labels, len(steps), tile.grey, tile.valid)
+        found = here.view(np.uint8), labels, len(steps), tile.grey, tile.valid, tile.large_step
+        steps += components.border_steps(*found)
     total = components.component_sums(labels, len(steps), similarity, REFINE_HALO)
-    columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares)]
-    return replace(sums, steps=steps, similarity=np.stack(columns, 1))
+    columns = [part.astype(np.int64) for part in (total.counts, total.greys, total.squares, *steps.T[:2])]
+    return replace(sums, similarity=np.stack(columns, 1))
