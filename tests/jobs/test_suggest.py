@@ -166,6 +166,19 @@ def test_small_things_are_a_part_that_comes_first(step: float) -> None:
     assert len(regions) == first.regions
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("segment", [NONE, SegmentParams()])
+def test_small_things_and_their_grounds_are_all_of_the_area(seed: int, segment: SegmentParams) -> None:
+    image = discs(0.01, (0.3, -0.3, 0.2)[seed], seed, 0.05)
+    found = suggested(image, segment=segment)
+    classes = classes_of(found)
+    assert len(classes) > 2 and all(one.regions > 0 and one.pixels > 0 for one in found.ranges)
+    assert [one.low for one in classes] == [0, *(one.high for one in classes[:-1])] and classes[-1].high == 1
+    assert sum(one.share for one in classes) == pytest.approx(
+        1, abs=0.01 if segment.decides_pixels else 1e-12
+    )
+
+
 def test_a_part_has_the_cells_whose_own_mean_lies_in_it() -> None:
     found = suggested(discs(0.01, 0.3, 2, 0.08), segment=SegmentParams())
     classes = found.by_intensity
