@@ -84,7 +84,8 @@ def indices(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     planes = np.clip(planes + rng.normal(0, 0.06, planes.shape), 0.01, 1)
     pairs = [(a, b) for a in range(12) for b in range(a)]
     chosen = [pairs[k] for k in rng.permutation(len(pairs))[:bands]]
-    return np.stack([(planes[a] - planes[b]) / (planes[a] + planes[b]) for a, b in chosen]).astype(np.float32)
+    ratios = [(planes[a] - planes[b]) / (planes[a] + planes[b]) for a, b in chosen]
+    return np.asarray(np.stack(ratios).astype(np.float32))
 
 
 FAMILIES: dict[str, Callable[[np.random.Generator, Kinds, int], Stack]] = {

@@ -1,5 +1,6 @@
 """Likeness over many bands: what the order, the units and the number of bands do not change."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,7 @@ def test_all_bands_are_compared_where_none_is_chosen(known: NDArray[np.bool_]) -
 ORDER = np.random.default_rng(3).permutation(24)
 SCALES = 10.0 ** np.random.default_rng(4).uniform(-3, 3, (24, 1, 1))
 CONSTANT, NOISE = np.full((1, *SHAPE), 0.3), np.random.default_rng(5).normal(0, 0.3, (2, *SHAPE))
-CHANGES = {
+CHANGES: dict[str, Callable[[Planes], Planes]] = {
     "bands in another order": lambda planes: planes[ORDER],
     "bands of other units": lambda planes: planes * SCALES + 7 * SCALES[::-1],
     "a band twice": lambda planes: np.concatenate([planes, planes[:1]]),
@@ -99,7 +100,7 @@ def test_what_bands_say_counts_and_not_how_they_are_stored(
     assert agreement(painted(found(path)), known) > 0.98
 
 
-STORED = {
+STORED: dict[str, Callable[[Planes], Planes]] = {
     "int8": lambda planes: np.rint(127 * planes).astype(np.int8),
     "uint8": lambda planes: np.rint(127 * planes + 128).astype(np.uint8),
     "int16": lambda planes: np.rint(30000 * planes).astype(np.int16),
@@ -142,7 +143,7 @@ def test_a_pixel_is_valid_where_all_bands_are(tmp_path: Path) -> None:
             np.int8
         )
         path = write(tmp_path / f"{len(nodata)}.tif", filled, **nodata)
-        counted = painted(found(path, **({} if nodata else {"nodata": -9})))
+        counted = painted(found(path, nodata=None if nodata else -9))
         assert not counted[40:60, 150:180].any() and not counted[65:85, 150:180].any()
 
 
