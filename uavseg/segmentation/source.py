@@ -49,8 +49,8 @@ class GreyTile:
 class GreySource:
     """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
 
-    Known after `with_statistics`: the `scale`, which is the mean of the steps (absolute differences of
-    adjacent pixels), the standard deviation, and Otsu's eta; the `large_step`, which a tenth of them exceeds.
+    After `with_statistics` the `scale` is the mean step (absolute difference of adjacent pixels), the
+    standard deviation, and Otsu's eta; a tenth of the steps exceeds `large_step`.
     """
 
     dataset: Dataset
@@ -159,10 +159,7 @@ _MIN_STEPS = 4096
 
 
 def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
-    """Return a source with its scale and large step, from windows of 64 x 64 pixels all over the raster.
-
-    They depend neither on the executor of the pass nor on its tiles, and are 0 without valid pixels.
-    """
+    """Return a source with its scale and large step, from windows spread evenly over the raster."""
     for along in _WINDOWS:
         windows = spread_windows(source.shape, along, BLOCK)
         parts = list(tile_pass.silent.run(partial(_steps_and_greys, source), windows))

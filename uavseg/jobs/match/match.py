@@ -197,11 +197,12 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    own, parting = like.table.sample_mean, like.table.sample_mean - like.table.raster_mean
-    scale = with_statistics(grey, tiles).scale
+    own, scale = like.table.sample_mean, with_statistics(grey, tiles).scale
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, scale)),
+        lambda: OF_MATCHES.probability(
+            match_terms(outlined, shares, own, own - like.table.raster_mean, scale)
+        ),
         request.refine,
         request.min_confidence,
     )
