@@ -154,8 +154,7 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
     return blocks.reshape(-1, CACHED_SIDE)
 
 
-_WINDOWS = (6, 24, 96)  # along each side of a raster; more where the windows before hold too few pixels
-_MIN_STEPS = 4096
+_WINDOWS, _MIN_STEPS = (6, 24, 96), 4096  # along each side; more where windows hold fewer steps
 
 
 def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:

@@ -198,11 +198,10 @@ def regions_by_color(
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
     own, scale = like.table.sample_mean, with_statistics(grey, tiles).scale
+    parting = own - like.table.raster_mean
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(
-            match_terms(outlined, shares, own, own - like.table.raster_mean, scale)
-        ),
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, scale)),
         request.refine,
         request.min_confidence,
     )
