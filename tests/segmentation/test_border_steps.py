@@ -58,5 +58,5 @@ def test_large_differences_do_not_wrap():
 def test_nothing_has_no_steps(kind):
     image = np.zeros((8, 8), kind)
     assert border_steps(
-        image, image.astype(np.uint32), 0, image.astype(np.uint16), image.astype(np.uint8)
+        image, image.astype(np.uint32), 0, image.astype(np.uint16), image.astype(np.uint8), 9
     ).shape == (0, 3)

@@ -133,8 +133,8 @@ def extract(
     regions : geopandas.GeoDataFrame
         In the raster's CRS, the region with most pixels first: id, confidence, area_m2, perimeter_m, mean,
         std, pixels, holes, lon, lat, range_low, range_high, source. With classes also class, and color if one
-        has a color. The confidence is the probability that a region is right, as on drawn scenes; NaN where
-        regions end at block edges.
+        has a color. The confidence is the probability that a region is right, fitted on real pictures and
+        drawn scenes; NaN where regions end at block edges.
 
     Raises
     ------

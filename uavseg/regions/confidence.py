@@ -115,8 +115,8 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: 
     assert sums.similarity is not None, "regions of classes have it"
     counts, total, squares, steps, edges = sums.similarity.T
     greys, squared = total.astype(np.uint64), squares.astype(np.uint64)
-    steps = np.stack([steps, edges, edges], 1)
-    of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=steps)
+    across = np.stack([steps, edges, edges], 1)
+    of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=across)
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
     alike = match_terms(replace(outlined, sums=of_similarity), similarity, own, parting, raster)
     return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
@@ -125,9 +125,8 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: 
 def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Scale) -> Floats:
     """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 5) float64.
 
-    In order: logarithm of the number of pixels over that of a window; the term of shape of `region_terms`;
-    the separability; the share of the raster, which is large where nothing ends a region; the logarithm of
-    steps over the standard deviation of the raster, as of `region_terms`.
+    In order: logarithm of the number of pixels over that of a window; the second term of `region_terms`; the
+    separability; the share of the raster, which is large where nothing ends a region; the fifth of these.
     """
     size, shape, _, _, of_deviation, _ = region_terms(outlined, raster).T
     share = np.exp(size) / max(parting.pixels, 1)

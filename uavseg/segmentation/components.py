@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.dataclass import dataclass
-from uavseg.units import GREY_MAX
 
 Labels = NDArray[np.uint32]
 
@@ -311,7 +310,7 @@ def border_steps(
     count: int,
     grey: NDArray[np.uint16],
     valid: NDArray[np.uint8],
-    large: int = GREY_MAX,
+    large: int,
 ) -> NDArray[np.int64]:
     """Sum the differences of grey across the pixel edges along the borders of components.
 
@@ -319,7 +318,7 @@ def border_steps(
     tiles add up to those of the raster. In `image`, (M + 2 m, N + 2 m) uint8 or uint32, adjacent pixels of
     equal value, not 0, belong together; `labels`, (M, N), are their components 1..count, without the margin.
     `grey` and `valid` have the margin; edges to an invalid pixel do not count. The steps, (count, 3) int64,
-    are of each component the sum of absolute differences, the number of edges, and of those above `large`.
+    are of each component the sum of absolute differences, the number of edges, and that of those > `large`.
 
     Examples
     --------

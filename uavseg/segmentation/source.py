@@ -46,8 +46,8 @@ class GreyTile:
 class GreySource:
     """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
 
-    Known after `with_statistics`: the `scale`, which is the mean of the steps (absolute differences of
-    adjacent pixels), the standard deviation, and Otsu's eta; the `large_step`, which a tenth of them exceeds.
+    After `with_statistics` the `scale` is the mean step (absolute difference of adjacent pixels), the
+    standard deviation, and Otsu's eta; a tenth of the steps exceeds `large_step`.
     """
 
     dataset: Dataset
@@ -151,15 +151,11 @@ def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any
     return blocks.reshape(-1, CACHED_SIDE)
 
 
-_WINDOWS = (6, 24, 96)  # along each side of a raster; more where the windows before hold too few pixels
-_MIN_STEPS = 4096
+_WINDOWS, _MIN_STEPS = (6, 24, 96), 4096  # along each side; more where windows hold fewer steps
 
 
 def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
-    """Return a source with its scale and large step, from windows of 64 x 64 pixels all over the raster.
-
-    They depend neither on the executor of the pass nor on its tiles, and are 0 without valid pixels.
-    """
+    """Return a source with its scale and large step, from windows spread evenly over the raster."""
     for along in _WINDOWS:
         windows = spread_windows(source.shape, along, BLOCK)
         parts = list(tile_pass.silent.run(partial(_steps_and_greys, source), windows))

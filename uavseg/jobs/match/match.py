@@ -275,8 +275,8 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    own, parting = like.table.sample_mean, like.table.sample_mean - like.table.raster_mean
-    scale = with_statistics(grey, tiles).scale
+    own, scale = like.table.sample_mean, with_statistics(grey, tiles).scale
+    parting = own - like.table.raster_mean
     confidence = Confidence.of(
         outlined,
         lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, scale)),
