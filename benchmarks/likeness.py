@@ -43,7 +43,7 @@ class Query:
     path: Path
     image: Any
     truth: Any
-    disc: tuple[float, float, int]
+    disc: tuple[float, float, float]
 
     @property
     def inside(self) -> Any:

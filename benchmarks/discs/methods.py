@@ -43,7 +43,7 @@ def by_cooccurrence(asked: Samples) -> Any:
     """Co-occurrence features of windows as wide as the disc, their mean colors, and a random forest."""
     from scipy.ndimage import uniform_filter
 
-    half = min(16, max(4, asked.like[0][2]))
+    half = int(min(16, max(4, asked.like[0][2])))
     textures = cooccurrence(_grey(asked.image), half)[: asked.truth.shape[0], : asked.truth.shape[1]]
     colors = uniform_filter(asked.image.astype(float), (0, 2 * half, 2 * half))
     return _by_forest(np.concatenate([textures, np.moveaxis(colors, 0, -1)], -1), asked)

@@ -50,7 +50,7 @@ def scene(family: str, seed: int, folder: Path, side: int = SIDE) -> Samples:
     rng = np.random.default_rng([seed, list(FAMILIES).index(family), 3])
     drawn = FAMILIES[family](rng, seed, side)
     requested = query(folder / f"{family} {seed}.tif", drawn.planes, drawn.truth, drawn.radius)
-    against = places(~drawn.truth, requested.disc[2], rng, GROUND_DISCS)
+    against = places(~drawn.truth, int(requested.disc[2]), rng, GROUND_DISCS)
     return Samples(requested.path, requested.image, requested.truth, [requested.disc], against)
 
 
