@@ -2,7 +2,7 @@
 
 A region is right where it overlaps one region of the truth with an intersection over union of more than one
 half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Object Classes Challenge", IJCV
-88, 2010); above one half no two regions can claim the same truth. The weights are fitted on drawn scenes by
+88, 2010); above one half no two regions can claim the same truth. The weights are fitted by
 ``python -m benchmarks.confidence``; docs/quality.md says how well they hold on others.
 """
 
