@@ -2,7 +2,7 @@
 
 A region is right where it overlaps one region of the truth with an intersection over union of more than one
 half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Object Classes Challenge", IJCV
-88, 2010); above one half no two regions can claim the same truth. The weights are fitted on drawn scenes by
+88, 2010); above one half no two regions can claim the same truth. The weights are fitted by
 ``python -m benchmarks.confidence``; docs/quality.md says how well they hold on others.
 """
 
@@ -53,7 +53,7 @@ class Weights:
 OF_RANGES = Weights(-15.444, (1.382, -1.979, 9.096, -4.936, 3.737, 13.387))
 OF_MATCHES = Weights(-15.401, (0.597, -1.310, -1.353, 0.150, 0.302, 4.138, 4.312, 11.619, 0.650))
 OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0, 0, 0.149, 8.695, 2.234, 0, 1.008, 5.505, -1.037))
-OF_TEXTURES = Weights(-4.373, (0.728, -0.640, 6.683, 0.495, 1.675))
+OF_TEXTURES = Weights(-4.375, (0.729, -0.641, 6.675, 0.487, 1.666))
 
 
 def confidence_of(outlined: RegionOutlines, raster: Scale) -> Floats:
