@@ -154,23 +154,13 @@ def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
 
 
 def _spread(read: Callable[[Window], NDArray[Any]], dataset: Dataset, tile_pass: TilePass) -> NDArray[Any]:
-    """Read small windows spread evenly over a raster; of many bands so that each block is decoded once."""
+    """Read small windows spread evenly over a raster; of many bands in the order of the file's blocks."""
     windows, (rows, cols) = _spread_windows(dataset.geobox.shape), dataset.file_block
     if not dataset.choice.stacked:
         return np.concatenate(list(tile_pass.silent.run(read, windows)))
-    windows = [_within_unit(window).clipped(dataset.geobox.shape) for window in windows]
     order = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
     found = dict(zip(order, tile_pass.silent.run(read, [windows[k] for k in order]), strict=True))
     return np.concatenate([found[k] for k in range(len(windows))])
-
-
-def _within_unit(window: Window) -> Window:
-    """Move a window with what its blur needs into 64 pixels that blocks of files do not cut."""
-    row, col = (
-        start - start % BLOCK + min(max(start % BLOCK, BLUR_HALO), BLOCK - BLUR_HALO - length)
-        for start, length in ((window.row, window.rows), (window.col, window.cols))
-    )
-    return replace(window, row=row, col=col)
 
 
 def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
