@@ -74,9 +74,8 @@ def dates(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:
     light = gaussian_filter(rng.normal(size=(len(times), *kind.shape)), (0, 20, 20))
     light = 1 + 0.08 * light / light.std()
     planes = np.moveaxis(means.reshape(KINDS, -1)[kind], -1, 0) * np.repeat(light, 4, 0)
-    return np.asarray(
-        np.rint(10000 * np.clip(planes + rng.normal(0, 0.05, planes.shape), 0, 1)).astype(np.uint16)
-    )
+    noisy = np.clip(planes + rng.normal(0, 0.05, planes.shape), 0, 1)
+    return np.asarray(np.rint(10000 * noisy).astype(np.uint16))
 
 
 def indices(rng: np.random.Generator, kind: Kinds, bands: int) -> Stack:

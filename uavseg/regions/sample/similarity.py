@@ -165,27 +165,11 @@ def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
 def _spread(
     read: Callable[[Window], NDArray[Any]], dataset: Dataset, tile_pass: TilePass
 ) -> list[NDArray[Any]]:
-    """Read small windows spread evenly over a raster; of many bands so that each block is decoded once."""
-    windows, (rows, cols) = _windows_of(dataset), dataset.file_block
-    by_block = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
-    order = by_block if dataset.choice.stacked else range(len(windows))
+    """Read small windows spread evenly over a raster, in the order of the file's blocks."""
+    windows, (rows, cols) = spread_windows(dataset.geobox.shape, _WINDOWS, _WINDOW), dataset.file_block
+    order = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
     found = dict(zip(order, tile_pass.silent.run(read, [windows[k] for k in order]), strict=True))
     return [found[k] for k in range(len(windows))]
-
-
-def _windows_of(dataset: Dataset) -> list[Window]:
-    shape = dataset.geobox.shape
-    windows = spread_windows(shape, _WINDOWS, _WINDOW)
-    return [_within_unit(one).clipped(shape) for one in windows] if dataset.choice.stacked else windows
-
-
-def _within_unit(window: Window) -> Window:
-    """Move a window with what its blur needs into 64 pixels that blocks of files do not cut."""
-    row, col = (
-        start - start % BLOCK + min(max(start % BLOCK, BLUR_HALO), BLOCK - BLUR_HALO - length)
-        for start, length in ((window.row, window.rows), (window.col, window.cols))
-    )
-    return replace(window, row=row, col=col)
 
 
 def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
@@ -343,7 +327,7 @@ def place_to_ask(
     untold = 1 - _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)]))
     wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * untold.prod(1) * pure
     gains = (_nearness(means, means) * wrong).sum(1) / max(float(likeness.sum()), 1.0)
-    geobox, windows = bands[0].dataset.geobox, _windows_of(_stack_of(bands) or bands[0].dataset)
+    geobox, windows = bands[0].dataset.geobox, spread_windows(bands[0].shape, _WINDOWS, _WINDOW)
     order = np.argsort(-gains * pure, kind="stable")
     for (radius, reach), k in product(_radii(geobox, known), order[gains[order] >= _MIN_GAIN].tolist()):
         window = windows[whole[k]]
