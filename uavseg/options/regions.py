@@ -93,8 +93,8 @@ class SizeOptions(Options):
         label="Fill holes up to (m², or pixels as 50px)",
     )
     min_confidence: float | None = option(
-        "Drop regions of a lower confidence (0 to 1) at last; on drawn scenes four fifths of those at 0.8 "
-        "are right.",
+        "Drop regions of a lower confidence at last: 0 to 1, the probability of being right, as on real and "
+        "drawn pictures.",
         metavar="P",
         label="Smallest confidence",
     )
