@@ -158,7 +158,7 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
     """Return a source with its scale and large step, from windows spread evenly over the raster."""
     for along in _WINDOWS:
         windows = spread_windows(source.shape, along, BLOCK)
-        parts = list(tile_pass.silent.run(partial(_steps_and_greys, source), windows))
+        parts = list(tile_pass.silent.run(partial(_statistics, source), windows))
         steps, greys = (np.concatenate(part) for part in zip(*parts, strict=True))
         if len(steps) >= _MIN_STEPS:
             break
@@ -172,7 +172,7 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
     return replace(source, scale=scale, large_step=int(np.quantile(steps, 0.9, method="lower")))
 
 
-def _steps_and_greys(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+def _statistics(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
     """Return the absolute differences of adjacent valid pixels of a window, and the grey of valid pixels."""
     tile = source.read(window, 0)
     grey, valid = tile.grey.astype(np.int32), tile.valid != 0
