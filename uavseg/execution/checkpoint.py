@@ -121,7 +121,7 @@ def _from_tree(tree: Any, archive: zipfile.ZipFile) -> Any:
     return cls(**values)
 
 
-UNSAVED = ("corners", "is_filled_white", "write_partition")
+UNSAVED = ("corners", "is_filled_white", "statistics", "write_partition")
 """Stages that read a few pixels, which takes less time than their results' files would, or write files."""
 
 _PLAIN = (bool, int, float, str, bytes, Fraction, np.dtype, np.generic)
