@@ -25,6 +25,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.plot.preview import PlacePicture
+from uavseg.raster.grid.tiling import spread_windows
 from uavseg.regions.sample import similarity
 from uavseg.regions.sample.place import Disc, sample_mask
 
@@ -153,7 +154,7 @@ def test_the_place_is_that_of_the_largest_expected_change(tile: Path) -> None:
     scores = [change * clean for change, clean in zip(changes, pure, strict=True)]
     places = [
         (1000 + window.col + window.cols / 2, 1000 - window.row - window.rows / 2)
-        for window in similarity._spread_windows(raster.geobox.shape)
+        for window in spread_windows(raster.geobox.shape, similarity._WINDOWS, similarity._WINDOW)
     ]
     (disc,) = asked.asked
     distances = [np.hypot(disc.x - x, disc.y - y) for x, y in places]
