@@ -25,7 +25,7 @@ class Ranges(SimpleHTTPRequestHandler):
         self.send_header("Content-Length", str(len(part)))
         self.end_headers()
         self.wfile.write(part)
-        print(len(part))
+        print(f"{len(part)}\n", end="")  # at once: other threads print, too
 
     def log_message(self, *_: Any) -> None:
         """No log."""

@@ -79,7 +79,7 @@ def prepare(names: Sequence[str]) -> None:
     for name in names:
         module, _, attribute = name.rpartition(".")
         compiled = _load(getattr(importlib.import_module(f"uavseg.{module}"), attribute))
-        print("compiled" if compiled else "kept", name, flush=True)
+        print(f"{'compiled' if compiled else 'kept'} {name}\n", end="", flush=True)  # at once
 
 
 def _load(kernel: Kernel) -> bool:
