@@ -70,6 +70,7 @@ def test_true_answers_find_what_is_meant_and_end(tile: Path, border: int) -> Non
     assert overlap(painted(made), np.indices(SHAPE)[1] < border) > 0.9
 
 
+@pytest.mark.slow
 def test_kinds_that_are_sure_are_soon_asked_about(tmp_path: Path) -> None:
     """Three kinds, far from each other: few questions, and the answers change nothing."""
     path = write(tmp_path / "tile.tif", picture())
@@ -125,6 +126,7 @@ def test_places_lie_on_valid_pixels_apart_from_each_other(
         taken |= inside
 
 
+@pytest.mark.slow
 def test_the_place_is_that_of_the_largest_expected_change(tile: Path) -> None:
     """Against plain loops: windows that are probably wrong, by how near they are to a place and samples."""
     asked = Answers(lambda disc: None, 1)

@@ -238,6 +238,7 @@ def test_what_touches_the_sample_are_the_finer_regions_with_its_pixels(slope: Pa
     assert len(touching.found.regions) == 1 < len(finer.found.regions)
 
 
+@pytest.mark.slow
 def test_answers_that_differ_are_named_the_same_whichever_is_asked_for(slope: Path) -> None:
     made = [answered(slope, n) for n in (1, 2, 3)]
     assert [one.answers for one in made] == [(1, 2, 3)] * 3 and len({one.others for one in made}) == 1
@@ -260,6 +261,7 @@ def test_finer_kinds_that_find_the_same_are_no_answer(tile: Path) -> None:
         match(open_raster(str(tile)), MatchRequest(DISC, by="color", answer=3))
 
 
+@pytest.mark.slow
 def test_tiles_change_no_answer(slope: Path) -> None:
     source, request = open_raster(str(slope)), MatchRequest(Disc(1060, 970, 8), answer=2, by="color")
     whole, parts = (match(source, request, Work(tile=side)).found for side in (None, 64))

@@ -121,7 +121,10 @@ def columns(made: Match) -> list[NDArray[Any]]:
     return [*named.values(), made.found.rings.vertices]
 
 
-@pytest.mark.parametrize("how", [{"tiled": True, "blockxsize": 64, "blockysize": 64}, {}])
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "how", [{"tiled": True, "blockxsize": 64, "blockysize": 64}, pytest.param({}, marks=pytest.mark.thorough)]
+)
 def test_interleaving_tiles_and_threads_change_nothing(how: dict[str, Any], tmp_path: Path) -> None:
     planes = features(40)
     planes[3, 60:80, 40:60] = np.nan
@@ -132,6 +135,7 @@ def test_interleaving_tiles_and_threads_change_nothing(how: dict[str, Any], tmp_
             assert np.array_equal(one, two, equal_nan=one.dtype.kind == "f")
 
 
+@pytest.mark.slow
 def test_a_pixel_is_valid_where_all_bands_are(tmp_path: Path) -> None:
     planes = features()
     planes[2, 40:60, 150:180], planes[20, 65:85, 150:180] = np.nan, np.inf
@@ -175,6 +179,7 @@ def test_files_side_by_side_are_one_raster(known: NDArray[np.bool_], tmp_path: P
     assert agreement(painted(found([left, right])), known) > 0.99
 
 
+@pytest.mark.slow
 def test_likeness_is_that_of_blurred_bands_in_double_precision(tmp_path: Path) -> None:
     """Each band is blurred and stretched by itself, then summed; the sums are looked up."""
     from scipy.ndimage import correlate1d
@@ -210,6 +215,7 @@ def test_small_rasters_are_sampled_within_their_ends(shape: tuple[int, int]) -> 
     assert area[:, :13].mean() > 0.9 and area[:, 17:].mean() < 0.1
 
 
+@pytest.mark.slow
 def test_classes_are_told_apart_in_many_bands(tmp_path: Path) -> None:
     path, target = write(tmp_path / "a.tif", features()), tmp_path / "classes.gpkg"
     row, col = (np.array(places) for places in ([90, 22, 22, 22], [50, 30, 90, 150]))
@@ -241,6 +247,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
         found(write(tmp_path / "b.tif", features()), MatchRequest(LIKE, bands=(*range(1, 24), 25)))
 
 
+@pytest.mark.slow
 def test_the_command_and_the_function_find_the_same_in_64_bands(tmp_path: Path) -> None:
     path, target = write(tmp_path / "a.tif", features(64)), tmp_path / "found.geojson"
     place = f"{LIKE.x:.0f},{LIKE.y:.0f},20"
@@ -253,6 +260,7 @@ def test_the_command_and_the_function_find_the_same_in_64_bands(tmp_path: Path) 
     assert frame.area.sum() == pytest.approx(4 * (kinds() == 0).sum(), rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_sum_of_few_of_64_bands_is_proposed_which_extract_reads(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", features(64, noise=0.1))
     ranges = ranges_of_sample(raster_of(open_all_bands(path)), SuggestLikeRequest((LIKE,))).ranges
