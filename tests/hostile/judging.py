@@ -12,7 +12,7 @@ _ESTIMATE = re.compile(r"flight +km +time |.* \d+\.\d\d +\d+:\d\d +\d+:\d\d ")  
 _SAID = re.compile(  # what a command says on stderr beside its errors
     r"uavseg: (warning|note): |note: |  [a-z -]+ {2,}|wrote |out[^:]*: \d+ regions?, |resumed: |[^:]*: (\d+ regions?, )?\d+ items, |"
     r" *kept out of [\d,]+ cells| *G per pixel |uavseg: interrupted|undecided is what lies at |"
-    r"what lies at |Is this wanted\? |standard input has ended|no more questions; "
+    r"what lies at |Is this wanted\? |standard input has ended|no more questions; |there are \d answers: "
 )
 _DETAIL = re.compile(r"uavseg: (?!error: )")  # with --verbose
 _PROGRESS = re.compile(r"progress \d+$")  # with --progress plain

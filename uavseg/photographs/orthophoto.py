@@ -152,9 +152,11 @@ class Mosaic:
         types = _types_of([view.photograph for view in views])
         side = pixel_m or float(f"{np.median([view.gsd_m for view in views]):.3g}")
         bounds = np.array([view.bounds for view in views])
-        left, top = np.floor(bounds[:, 0].min() / side), np.ceil(bounds[:, 3].max() / side)
-        cols, rows = np.ceil(bounds[:, 2].max() / side) - left, top - np.floor(bounds[:, 1].min() / side)
-        if not rows * cols <= MAX_PIXELS:
+        with np.errstate(all="ignore"):  # a side may be so small that the mosaic is infinite
+            left, top = np.floor(bounds[:, 0].min() / side), np.ceil(bounds[:, 3].max() / side)
+            cols, rows = np.ceil(bounds[:, 2].max() / side) - left, top - np.floor(bounds[:, 1].min() / side)
+            too_large = not rows * cols <= MAX_PIXELS
+        if too_large:
             raise PhotographError(
                 f"the photographs would be a mosaic of {cols:,.0f} x {rows:,.0f} pixels of {100 * side:g} "
                 f"cm, and at most {MAX_PIXELS:,} are drawn: do all show one place? Give fewer, or a larger "

@@ -27,6 +27,7 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
 from uavseg.raster.intensity.stretch import fit_stretch
 from uavseg.raster.intensity.value_range import axis_of, scale_of
+from uavseg.raster.read.dataset import stacked
 from uavseg.raster.read.raster_file import MOST_UNCHOSEN
 from uavseg.raster.spectral.band_names import find_band
 from uavseg.raster.spectral.bands import BandScale, ValueAxis, values_text
@@ -361,7 +362,7 @@ def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass
     """Return each band as grey, by the stretch of the raster, fitted to it; of many, by quantiles."""
     dataset, nodata = raster.cleaned(tile_pass), raster.options.nodata
     spec = raster.options.spec or AUTO
-    stack = dataset.stack(bands, nodata) if len(bands) > MOST_UNCHOSEN else None
+    stack = stacked(dataset, bands, nodata) if len(bands) > MOST_UNCHOSEN else None
     if stack is None:
         datasets = [dataset.of_band(band, nodata) for band in bands]
     else:

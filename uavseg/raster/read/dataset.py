@@ -201,16 +201,6 @@ class Dataset:
         files, warnings = with_nodata(self.mosaic.files, choice, nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
-    def stack(self, bands: Sequence[int | str], nodata: float | str | None = None) -> "Dataset | None":
-        """Return the same raster with the values of several bands; None if they are of several types."""
-        choices = [choose(self.mosaic.files[0].layout, band, None, BandWords()) for band in bands]
-        if len({one.dtype for one in choices}) > 1:
-            return None
-        choice = replace(choices[0], bands=tuple(one.bands[0] for one in choices), stacked=True)
-        check_names_agree(self.mosaic.files, choice.bands)
-        files, _ = with_nodata(self.mosaic.files, choice, nodata)
-        return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice)
-
     @property
     def in_metres(self) -> bool:
         """Whether lengths are metres (on the ground, where there is a CRS) rather than units of the map."""
@@ -423,3 +413,18 @@ class DatasetOverview(Dataset):
         if self.collar is not None:
             valid = without(valid, self.collar.read(window))
         return self.values[:, rows, cols], valid
+
+
+def stacked(
+    dataset: Dataset, bands: Sequence[int | str], nodata: float | str | None = None
+) -> Dataset | None:
+    """Return the same raster with the values of several bands; None if they are of several types."""
+    files = dataset.mosaic.files
+    choices = [choose(files[0].layout, band, None, BandWords()) for band in bands]
+    if len({one.dtype for one in choices}) > 1:
+        return None
+    choice = replace(choices[0], bands=tuple(one.bands[0] for one in choices), stacked=True)
+    check_names_agree(files, choice.bands)
+    return replace(
+        dataset, mosaic=replace(dataset.mosaic, files=with_nodata(files, choice, nodata)[0]), choice=choice
+    )
