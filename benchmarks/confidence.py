@@ -12,8 +12,8 @@ scenes are searched with discs within the truth, and for `match --classes` divid
 beside. For `match` by texture the scenes are those of `benchmarks.textures`.
 
 The lines of numbers are of folds: all regions of a sixth of the pictures and scenes, or of one kind of
-pictures, are told by weights that were fitted without them. Pictures and families have the same weight
-each. With `--fit` the weights of `uavseg.regions.confidence` are fitted on all of them and printed; the
+pictures, get their confidence from weights that were fitted without them. Pictures and families have the
+same weight each. With `--fit` the weights of `uavseg.regions.confidence` are fitted on all of them and printed; the
 tables are of other seeds of the drawn scenes.
 """
 
@@ -53,7 +53,7 @@ from uavseg.regions.sample.similarity import BlurredBands
 from uavseg.regions.tiles.range_tiles import outline_regions
 from uavseg.segmentation.params.segment import IntensityRange, Refinement, SegmentParams
 from uavseg.segmentation.pipeline import cells_to_refine, measure_block_map_for
-from uavseg.segmentation.source import with_statistics
+from uavseg.segmentation.source import Statistics, with_statistics
 from uavseg.units import GREY_MAX
 
 FIT_SEEDS, CHECK_SEEDS = (10,), (20,)
@@ -176,8 +176,8 @@ def read_grey(source: Raster) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
 def regions(picture: Picture, refine: Refinement = "tv") -> Iterator[Found]:
     """Regions of several ranges."""
     for low, high in ranges(picture) if picture.is_real else [(low, 1.0) for low in LOWS]:
-        outlined, scale = outlines(picture.source, IntensityRange(low, high), refine)
-        terms = confidence.region_terms(outlined, scale)
+        outlined, statistics = outlines(picture.source, IntensityRange(low, high), refine)
+        terms = confidence.region_terms(outlined, statistics)
         yield Found(picture, terms, best_iou(outlined.rings, picture.truth) > LEAST_IOU)
 
 
@@ -208,9 +208,9 @@ def matched(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     place, grey = sample_mask(disc, source.geobox), source.grey(passes[0])
     similarity = learn(color_sources(source, grey, (), passes[0].silent), (place,), [], passes[1])
     outlined, _ = outlines_by_color(similarity, MatchRequest(disc, by="color"), [place], passes[2:])
-    own, scale = similarity.table.sample_mean, with_statistics(grey, passes[0]).scale
-    alike, parting = similarity_of(outlined, own), own - similarity.table.raster_mean
-    return confidence.match_terms(outlined, alike, own, parting, scale), outlined.rings
+    own, statistics = similarity.table.sample_mean, with_statistics(grey, passes[0]).statistics
+    similar, parting = similarity_of(outlined, own), own - similarity.table.raster_mean
+    return confidence.match_terms(outlined, similar, own, parting, statistics), outlined.rings
 
 
 def class_maps(picture: Picture) -> Iterator[Found]:
@@ -232,7 +232,7 @@ def mapped(source: Raster, discs: Sequence[Disc]) -> tuple[NDArray[np.float64], 
     likenesses = learn_classes(bands, places, passes[1])
     outlined, classes = outlines_by_classes(grey, likenesses, SegmentParams(), passes[2:])
     kind = classes.at(outlined.sums.firsts) - 1
-    return confidence.class_terms(outlined, *alike(likenesses, kind), grey.scale), outlined.rings, kind
+    return confidence.class_terms(outlined, *alike(likenesses, kind), grey.statistics), outlined.rings, kind
 
 
 def textures(picture: Picture) -> Iterator[Found]:
@@ -251,7 +251,7 @@ def textured(source: Raster, disc: Disc) -> tuple[NDArray[np.float64], Rings]:
     grey, place = source.grey(passes[0]), sample_mask(disc, source.geobox)
     search = search_texture(grey, (), place, MatchRequest(disc, by="texture"), passes[1:3])
     outlined, _ = outlines_by_texture(search, passes[3:])
-    return confidence.texture_terms(outlined, parting_of(search), search.grey.scale), outlined.rings
+    return confidence.texture_terms(outlined, parting_of(search), search.grey.statistics), outlined.rings
 
 
 def resampled(scene: Scene) -> NDArray[np.float64]:
@@ -261,17 +261,15 @@ def resampled(scene: Scene) -> NDArray[np.float64]:
     return np.where(scene.valid, values / np.maximum(weights, 1e-9), np.nan)
 
 
-def outlines(
-    source: Raster, wanted: IntensityRange, refine: Refinement
-) -> tuple[RegionOutlines, tuple[float, float, float]]:
-    """Outlines of `uavseg extract` with their sums, and the scale of the raster."""
+def outlines(source: Raster, wanted: IntensityRange, refine: Refinement) -> tuple[RegionOutlines, Statistics]:
+    """Outlines of `uavseg extract` with their sums, and the statistics of the raster."""
     params = SegmentParams(refine=refine)
     passes = SERIAL.begun().over(source).stages(3)
     grey = with_statistics(source.grey(passes[0]), passes[0])
     blocks = measure_block_map_for(grey, wanted, params, passes[1])
     return outline_regions(
         grey, cells_to_refine(blocks, wanted, params), wanted, refine, passes[2]
-    ), grey.scale
+    ), grey.statistics
 
 
 def raster_of(v: NDArray[np.float64]) -> Raster:
@@ -340,7 +338,7 @@ class Table:
             )
         return np.asarray(folds[place])
 
-    def told(self, by_kind: bool) -> NDArray[np.float64]:
+    def held_out(self, by_kind: bool) -> NDArray[np.float64]:
         """The confidence of each region, by weights that were fitted without its fold."""
         folds, weights, said = self.folds(by_kind), self.weights(), np.zeros(len(self.right))
         for fold in np.unique(folds):
@@ -350,7 +348,7 @@ class Table:
         return said
 
     def numbers(self, said: NDArray[np.float64]) -> list[str]:
-        """Calibration error and AUC of real pictures weighted alike, of their regions, and of scenes."""
+        """Calibration error and AUC of real pictures of equal weight, of their regions, and of scenes."""
         from sklearn.metrics import roc_auc_score
 
         rows = []
@@ -427,13 +425,16 @@ def main() -> None:
         if folders or "--fit" in sys.argv[1:]:
             pictures = [*chain(*map(real, folders)), *draw_pictures(FIT_SEEDS)]
             stacked = Table.of([one for picture in pictures for one in find(picture)], basis)
-            told = {
+            confidences = {
                 "as they are": weights.probability(stacked.terms),
-                "of pictures": stacked.told(by_kind=False),
+                "of pictures": stacked.held_out(by_kind=False),
             }
             if folders:
-                told["of kinds"] = stacked.told(by_kind=True)
-            print(table.rows(heads, [[name, *stacked.numbers(said)] for name, said in told.items()]), "\n")
+                confidences["of kinds"] = stacked.held_out(by_kind=True)
+            print(
+                table.rows(heads, [[name, *stacked.numbers(said)] for name, said in confidences.items()]),
+                "\n",
+            )
             if "--fit" in sys.argv[1:]:
                 weights = fitted(stacked.terms, stacked.right, stacked.weights(), basis)
                 print(f"{weights}\n")

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rasterio
 from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -15,13 +14,13 @@ from PIL import Image
 
 import uavseg
 from tests.jobs.test_match_by_color import DISC, SHAPE, overlap, painted, picture, truth, write
-from tests.jobs.test_next_sample import LEFT, fields, mask_of
+from tests.jobs.test_next_sample import LEFT, fields, mask_of, with_holes
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads
-from uavseg.jobs.match.match import Ask, match, with_answers
+from uavseg.jobs.match.match import match, with_answers
 from uavseg.jobs.match.ranges_of_sample import color_sources
-from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.match.request import Ask, MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.plot.preview import PlacePicture
@@ -109,13 +108,7 @@ def test_places_lie_on_valid_pixels_apart_from_each_other(
     tmp_path_factory: pytest.TempPathFactory, seed: int
 ) -> None:
     rng = np.random.default_rng(seed)
-    planes = fields(seed=seed)
-    for _ in range(4):  # holes of nodata, none of which is in the sample
-        row, col = rng.integers(0, 180), rng.integers(60, 240)
-        planes[0, row : row + 60, col : col + 40] = 0
-    path = write(tmp_path_factory.mktemp("holes") / "tile.tif", planes)
-    with rasterio.open(path, "r+") as file:
-        file.nodata = 0
+    path, planes = with_holes(tmp_path_factory.mktemp("holes"), rng, seed)
     ask = Answers(lambda disc: [True, False, "skip"][rng.integers(3)], 4)
     request_of(path, ask)
     taken = mask_of(path, LEFT)

@@ -94,20 +94,25 @@ def test_tiles_and_threads_change_nothing(tile: Path, refine: str) -> None:
     assert one.found.regions.metadata == other.found.regions.metadata
 
 
+def with_holes(folder: Path, rng: np.random.Generator, seed: int) -> tuple[Path, NDArray[np.uint8]]:
+    """The fields with holes of nodata, none of which is in the sample."""
+    planes = fields(seed=seed)
+    for _ in range(4):
+        row, col = rng.integers(0, 180), rng.integers(60, 240)
+        planes[0, row : row + 60, col : col + 40] = 0
+    path = write(folder / "tile.tif", planes)
+    with rasterio.open(path, "r+") as file:
+        file.nodata = 0
+    return path, planes
+
+
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=6)
 def test_it_lies_on_valid_pixels_and_outside_of_all_samples(
     tmp_path_factory: pytest.TempPathFactory, seed: int
 ) -> None:
-    rng = np.random.default_rng(seed)
-    planes = fields(seed=seed)
-    for _ in range(4):  # holes of nodata, none of which is in the sample
-        row, col = rng.integers(0, 180), rng.integers(60, 240)
-        planes[0, row : row + 60, col : col + 40] = 0
-    path = write(tmp_path_factory.mktemp("holes") / "tile.tif", planes)
-    with rasterio.open(path, "r+") as file:
-        file.nodata = 0
+    path, planes = with_holes(tmp_path_factory.mktemp("holes"), np.random.default_rng(seed), seed)
     samples = [LEFT]
     for _ in range(3):
         made = found(path, *samples)

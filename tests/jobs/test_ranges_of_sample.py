@@ -19,9 +19,9 @@ from uavseg.jobs.match.ranges_of_sample import (
     SampleRange,
     SampleRanges,
     SuggestLikeRequest,
-    open_all_bands,
     ranges_of_sample,
 )
+from uavseg.jobs.source.open_source import open_all_bands
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.options.reading import ReadOptions
 from uavseg.regions.sample.place import Disc

@@ -239,7 +239,7 @@ def grounds(step: float, seed: int = 1) -> np.ndarray:
 def test_each_doubt_has_its_words(seed: int) -> None:
     told = {
         "no range stands out at its borders": 0.5 + 0.1 * blurred(seed, 10).astype(np.float32),
-        "several ranges stand out alike, a part more than any class": texture(seed),
+        "a part of a class stands out more than any class": texture(seed),
         "the classes overlap, and no valley parts them": grounds(0.1, seed),
     }
     for doubt, image in told.items():

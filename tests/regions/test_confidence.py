@@ -1,6 +1,6 @@
 """Tests of the confidence of regions."""
 
-from dataclasses import replace
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -25,7 +25,7 @@ from uavseg.regions.confidence import (
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
 from uavseg.segmentation.components import border_steps, component_sums, label_components
-from uavseg.segmentation.source import GreySource, with_statistics
+from uavseg.segmentation.source import GreySource, Statistics, with_statistics
 
 
 def all_steps(grey):
@@ -33,13 +33,13 @@ def all_steps(grey):
     return np.concatenate([abs(np.diff(grey.astype(int), axis=axis)).ravel() for axis in (0, 1)])
 
 
-def scale(grey):
+def statistics(grey):
     """Mean step, standard deviation and Otsu's eta of a picture, threshold by threshold."""
     g, parted = grey.astype(float), [0.0]
     for end in np.unique(g)[:-1]:
         low, high = g[g <= end], g[g > end]
         parted.append(low.size * high.size / g.size**2 * (low.mean() - high.mean()) ** 2)
-    return all_steps(grey).mean(), g.std(), max(parted) / max(g.var(), 1e-9)
+    return Statistics(all_steps(grey).mean(), g.std(), max(parted) / max(g.var(), 1e-9))
 
 
 def source_of(grey):
@@ -67,17 +67,17 @@ def square():
 
 def test_terms_are_what_they_are_said_to_be(square):
     mask, grey = square
-    terms = region_terms(outlined(mask, grey), scale(grey))[0]
+    terms = region_terms(outlined(mask, grey), statistics(grey))[0]
     size, shape, large, to_steps, to_deviation, parted = terms
     beside = np.abs(np.diff(grey.astype(int), axis=1))[mask[:, 1:] != mask[:, :-1]].tolist()
     beside += np.abs(np.diff(grey.astype(int), axis=0))[mask[1:] != mask[:-1]].tolist()
     assert size == pytest.approx(np.log(100))
     assert shape == pytest.approx(0)
-    mean_step, deviation, eta = scale(grey)
+    raster = statistics(grey)
     assert large == np.mean(np.array(beside) > np.quantile(all_steps(grey), 0.9, method="lower"))
-    assert to_steps == pytest.approx(np.log((np.mean(beside) + 1) / (mean_step + 1)))
-    assert to_deviation == pytest.approx(np.log((np.mean(beside) + 1) / (deviation + 1)))
-    assert parted == eta
+    assert to_steps == pytest.approx(np.log((np.mean(beside) + 1) / (raster.mean_step + 1)))
+    assert to_deviation == pytest.approx(np.log((np.mean(beside) + 1) / (raster.deviation + 1)))
+    assert parted == raster.separability
 
 
 def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
@@ -89,10 +89,10 @@ def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
     line[10:110, 1:2] = ragged
     along = np.zeros(line.shape, bool)
     along[10:110, 1] = True
-    clear = confidence_of(outlined(mask, grey), scale(grey))[0]
+    clear = confidence_of(outlined(mask, grey), statistics(grey))[0]
     assert clear > 0.9
-    assert confidence_of(outlined(mask, faint, grey), scale(grey))[0] < clear  # in one raster
-    assert confidence_of(outlined(along, line, grey), scale(grey))[0] < 0.5
+    assert confidence_of(outlined(mask, faint, grey), statistics(grey))[0] < clear  # in one raster
+    assert confidence_of(outlined(along, line, grey), statistics(grey))[0] < 0.5
 
 
 @given(st.integers(0, 9999))
@@ -100,8 +100,8 @@ def test_dark_regions_are_as_sure_as_bright_ones(seed):
     rng = np.random.default_rng(seed)
     mask = rng.random((12, 12)) < 0.4
     grey = np.rint(65535 * rng.random(mask.shape)).astype(np.uint16)
-    bright = confidence_of(outlined(mask, grey), scale(grey))
-    dark = confidence_of(outlined(mask, 65535 - grey), scale(65535 - grey))
+    bright = confidence_of(outlined(mask, grey), statistics(grey))
+    dark = confidence_of(outlined(mask, 65535 - grey), statistics(65535 - grey))
     np.testing.assert_allclose(bright, dark, atol=0.0011)
     assert ((bright >= 0) & (bright <= 1)).all()
 
@@ -110,13 +110,13 @@ def test_what_is_not_known_has_no_confidence(square):
     mask, grey = square
     found = outlined(mask, grey)
     without = replace(found, sums=replace(found.sums, steps=None))
-    assert np.isnan(confidence_of(without, scale(grey))).all()
-    assert np.isnan(confidence_of(found, source_of(grey).scale)).all()
+    assert np.isnan(confidence_of(without, statistics(grey))).all()
+    assert np.isnan(confidence_of(found, source_of(grey).statistics)).all()
 
 
 def test_a_region_without_bounds_or_borders_has_some():
     grey = np.full((8, 8), 100, np.uint16)
-    found = confidence_of(outlined(np.ones((8, 8), bool), grey), scale(grey))
+    found = confidence_of(outlined(np.ones((8, 8), bool), grey), statistics(grey))
     assert np.isfinite(found).all()
 
 
@@ -132,9 +132,9 @@ def test_statistics_are_those_of_all_pixels_of_a_small_raster(rows, cols, kinds,
     grey = (rng.integers(0, kinds, (rows, cols)) * 9000 + rng.integers(0, 40, (rows, cols))).astype(np.uint16)
     found = with_statistics(source_of(grey), TilePass([]))
     if grey.size == 1:
-        assert found.scale == (0, 0, 0)
+        assert found.statistics == Statistics(0, 0, 0)
         return
-    np.testing.assert_allclose(found.scale, scale(grey), rtol=1e-6)
+    np.testing.assert_allclose(astuple(found.statistics), astuple(statistics(grey)), rtol=1e-6)
     assert found.large_step == np.quantile(all_steps(grey), 0.9, method="lower")
 
 
@@ -142,8 +142,8 @@ def test_statistics_of_a_large_raster_are_near_those_of_all_its_pixels():
     grey = np.random.default_rng(2).normal(30000, 3000, (900, 1500)).astype(np.uint16)
     grey[:, 800:] += 9000
     found = with_statistics(source_of(grey), TilePass([]))
-    np.testing.assert_allclose(found.scale[0], all_steps(grey).mean(), rtol=0.02)
-    np.testing.assert_allclose(found.scale[1], grey.std(), rtol=0.02)
+    np.testing.assert_allclose(found.statistics.mean_step, all_steps(grey).mean(), rtol=0.02)
+    np.testing.assert_allclose(found.statistics.deviation, grey.std(), rtol=0.02)
 
 
 def test_statistics_of_a_corner_are_found_in_an_empty_raster():
@@ -151,9 +151,11 @@ def test_statistics_of_a_corner_are_found_in_an_empty_raster():
     values[1430:1500, 1500:1580] = np.random.default_rng(4).random((70, 80))
     place = GeoBox(values.shape, Affine.identity(), None)
     source = GreySource(Dataset.of_values(values, place, "corner"), Stretch(0, 1, "none"))
-    assert with_statistics(source, TilePass([])).scale[0] > 10000
+    assert with_statistics(source, TilePass([])).statistics.mean_step > 10000
     nothing = Dataset.of_values(np.full(values.shape, np.nan), place, "nothing")
-    assert with_statistics(GreySource(nothing, source.stretch), TilePass([])).scale == (0, 0, 0)
+    assert with_statistics(GreySource(nothing, source.stretch), TilePass([])).statistics == Statistics(
+        0, 0, 0
+    )
 
 
 def drawn_square(blur=0.0, noise=0.04, cut=0.0, side=24):
@@ -318,6 +320,6 @@ def test_where_no_texture_is_sure_enough_a_warning_says_so(rows):
 def test_terms_of_texture_are_what_they_are_said_to_be(square):
     mask, grey = square
     parting = Parting(window=8, separability=0.9, pixels=1000)
-    terms = texture_terms(outlined(mask, grey), parting, scale(grey))[0]
-    beside = region_terms(outlined(mask, grey), scale(grey))[0, 4]
+    terms = texture_terms(outlined(mask, grey), parting, statistics(grey))[0]
+    beside = region_terms(outlined(mask, grey), statistics(grey))[0, 4]
     assert terms == pytest.approx([np.log(100 / 64), 0, 0.9, 0.1, beside])

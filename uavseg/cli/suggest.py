@@ -138,8 +138,9 @@ def _table(found: Suggestions, commands: list[str]) -> str:
 
 
 def _suggest_like(options: SuggestOptions) -> None:
-    from uavseg.jobs.match.ranges_of_sample import open_all_bands, ranges_of_sample
+    from uavseg.jobs.match.ranges_of_sample import ranges_of_sample
     from uavseg.jobs.requests import suggest_like_request
+    from uavseg.jobs.source.open_source import open_all_bands
 
     for name in _given():
         if name in _OF_HISTOGRAM:

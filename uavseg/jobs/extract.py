@@ -200,7 +200,7 @@ def measure(
     info = SourceInfo.of(source)
     outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     ends = detected.interval.low, detected.interval.high
-    sure = partial(confidence_of, outlined, info.scale)
+    sure = partial(confidence_of, outlined, info.statistics)
     confidence = Confidence.of(outlined, sure, request.segment.refine, request.min_confidence)
     return measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
 

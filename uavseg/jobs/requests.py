@@ -93,23 +93,29 @@ def _levels(options: LevelsOptions) -> tuple[Find, Any]:
 
 
 def _match(options: MatchOptions) -> tuple[Find, Any]:
-    chosen: dict[str, Any] = {"bands": tuple(options.bands), "refine": options.refine}
+    common = _sizes(options) | {"bands": tuple(options.bands), "refine": options.refine}
     if options.classes is not None:
         from uavseg.jobs.match.by_classes import MatchClassesRequest, match_classes
 
-        return match_classes, MatchClassesRequest(os.fspath(options.classes), **chosen, **_sizes(options))
+        return match_classes, MatchClassesRequest(os.fspath(options.classes), **common)
     from uavseg.jobs.match.match import match, with_answers
     from uavseg.jobs.match.request import MatchRequest
-
-    chosen |= {name: getattr(options, name) for name in ("by", "answer", "window", "similarity", "intensity")}
-    chosen |= {"like": samples_of(options.like), "unlike": samples_of(options.unlike)}
 
     def find(source: Source, request: MatchRequest, work: Work) -> Extraction:
         if options.ask:
             request = with_answers(source, request, options.ask, work)
         return match(source, request, work).found
 
-    return find, MatchRequest(**chosen, **_sizes(options))
+    return find, MatchRequest(
+        like=samples_of(options.like),
+        unlike=samples_of(options.unlike),
+        by=options.by,
+        answer=options.answer,
+        window=options.window,
+        similarity=options.similarity,
+        intensity=options.intensity,
+        **common,
+    )
 
 
 def suggest_request(options: SuggestOptions) -> SuggestRequest:

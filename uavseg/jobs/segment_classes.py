@@ -241,7 +241,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     if missing := sorted(empty - present):
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
-    sure = partial(confidence_of, outlined, found.info.scale)
+    sure = partial(confidence_of, outlined, found.info.statistics)
     confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
     result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
@@ -365,6 +365,6 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
-    sure = partial(confidence_of, outlined, info.scale)
+    sure = partial(confidence_of, outlined, info.statistics)
     confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
     return results.measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)

@@ -259,10 +259,10 @@ def _doubts(choice: RangeChoice, wanted: int | None, histogram: Counts, parted: 
     found = []
     if wanted is not None and classes < wanted:
         found.append(f"the means of the leaves fall into {classes} bins, which are no {wanted} classes")
-    alike, weak = max(choice.ranges, key=lambda one: one.score).is_part, choice.contrast / MIN_CONTRAST
+    is_part, weak = max(choice.ranges, key=lambda one: one.score).is_part, choice.contrast / MIN_CONTRAST
     doubts = {
         "no range stands out at its borders": weak < 1 and not parted,
-        "several ranges stand out alike, a part more than any class": alike and not choice.separated,
+        "a part of a class stands out more than any class": is_part and not choice.separated,
         "the classes overlap, and no valley parts them": weak < 2 and not choice.separated,
     }
     how_far = f"contrast {choice.contrast:.1f}; noise and slow light reach {MIN_CONTRAST}"

@@ -17,6 +17,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
 from uavseg.segmentation.components import Sums
+from uavseg.segmentation.source import Statistics
 from uavseg.units import GREY_MAX
 
 COLUMN = "confidence"
@@ -24,7 +25,6 @@ DECIMALS = 3  # few enough that logarithms of other platforms make no difference
 MAX_DEVIATIONS = 50.0  # larger contrasts are not told apart
 MIN_SIMILARITY = 1e-3
 MIN_RATIO, MAX_STEPS, MAX_DEVIATION = -4.0, 2.0, 3.0  # logarithms of steps over those of the raster
-Scale = tuple[float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,33 +56,32 @@ OF_CLASSES = Weights(-4.022, (0.684, -1.610, 0, 0, 0.149, 8.695, 2.234, 0, 1.008
 OF_TEXTURES = Weights(-4.375, (0.729, -0.641, 6.675, 0.487, 1.666))
 
 
-def confidence_of(outlined: RegionOutlines, raster: Scale) -> Floats:
+def confidence_of(outlined: RegionOutlines, raster: Statistics) -> Floats:
     """Compute the probability that each region is right, from its size, shape and border, and the raster.
 
-    The regions are refined to the pixel, with the sums of the intensity of the range; `raster` is the `scale`
+    The regions are refined to the pixel, with the sums of the intensity of the range; `raster` are those
     of their `GreySource`. The confidence, (n,), is 0 to 1, in thousandths; NaN where the steps across borders
-    or the scale are not known.
+    or the statistics are not known.
     """
     return OF_RANGES.probability(region_terms(outlined, raster))
 
 
-def region_terms(outlined: RegionOutlines, raster: Scale) -> Floats:
+def region_terms(outlined: RegionOutlines, raster: Statistics) -> Floats:
     """Compute the terms of the confidence of regions of a range, arguments of `confidence_of`: (n, 6).
 
     In order: logarithm of the number of pixels; logarithm of the squared perimeter over that of a square of
     the same area; share of the steps across the border that are among the largest tenth of the raster;
     logarithms of their mean over the mean step of the raster, and its standard deviation; its Otsu's eta.
     """
-    mean_step, deviation, separability = raster
     total, edges, large = _steps(outlined.sums).T
-    of_steps = _log_ratio(total / edges, mean_step, MAX_STEPS)
-    of_deviation = _log_ratio(total / edges, deviation, MAX_DEVIATION)
-    terms = *_sizes_and_shapes(outlined), large / edges, of_steps, of_deviation, separability
+    of_steps = _log_ratio(total / edges, raster.mean_step, MAX_STEPS)
+    of_deviation = _log_ratio(total / edges, raster.deviation, MAX_DEVIATION)
+    terms = *_sizes_and_shapes(outlined), large / edges, of_steps, of_deviation, raster.separability
     return np.stack(np.broadcast_arrays(*terms), 1)
 
 
 def match_terms(
-    outlined: RegionOutlines, similarity: Floats, own: ArrayLike, parting: ArrayLike, raster: Scale
+    outlined: RegionOutlines, similarity: Floats, own: ArrayLike, parting: ArrayLike, raster: Statistics
 ) -> Floats:
     """Compute the terms of the confidence of matches, whose sums are of similarity: (n, 9) float64.
 
@@ -90,7 +89,7 @@ def match_terms(
     from one half, and than the mean step across the border, in standard deviations of the region; the first
     times that; the logarithm of the `similarity` of each, 0 to 1; `parting`, the difference of the mean
     similarities of the sample and of the raster; `own`, that of the sample, which is small where much else
-    looks like it; the logarithm of the mean step over the standard deviation of intensity, from its scale.
+    looks like it; the logarithm of the mean step over the standard deviation of intensity.
     """
     sums, counts = outlined.sums, np.maximum(outlined.sums.counts, 1)
     total, edges, _ = _steps(sums).T
@@ -98,18 +97,19 @@ def match_terms(
     above = np.maximum(sums.greys / counts - GREY_MAX / 2, 0)
     margin, contrast = (np.log1p(np.minimum(x / deviation, MAX_DEVIATIONS)) for x in (above, total / edges))
     size, shape = _sizes_and_shapes(outlined)
-    likeness, rough = np.log(np.maximum(similarity, MIN_SIMILARITY)), _log_ratio(*raster[:2], MAX_DEVIATION)
-    terms = size, shape, margin, contrast, size * contrast, likeness, parting, own, rough
+    logarithm = np.log(np.maximum(similarity, MIN_SIMILARITY))
+    rough = _log_ratio(raster.mean_step, raster.deviation, MAX_DEVIATION)
+    terms = size, shape, margin, contrast, size * contrast, logarithm, parting, own, rough
     return np.stack(np.broadcast_arrays(*terms), 1)
 
 
-def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: Scale) -> Floats:
+def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: Statistics) -> Floats:
     """Compute the terms of the confidence of regions of classes: (n, 11) float64.
 
     The outlines are refined to the pixel, with the sums of similarity to the class of each region. Those of
-    `match_terms`, then the third and fourth of `region_terms`. `own`, (n,),
-    is the mean similarity of the samples of its class to this class, `parting`, (n,), the difference of that
-    and the mean similarity of the raster to this class.
+    `match_terms`, then the third and fourth of `region_terms`. `own`, (n,), is the mean similarity of the
+    samples of its class to this class, `parting`, (n,), the difference of that and the mean similarity of the
+    raster to this class.
     """
     sums = outlined.sums
     assert sums.similarity is not None, "regions of classes have it"
@@ -118,11 +118,11 @@ def class_terms(outlined: RegionOutlines, own: Floats, parting: Floats, raster: 
     across = np.stack([steps, edges, edges], 1)
     of_similarity = replace(sums, counts=counts, greys=greys, squares=squared, steps=across)
     similarity = np.minimum(total / np.maximum(counts, 1) / GREY_MAX / np.maximum(own, 1e-9), 1)
-    alike = match_terms(replace(outlined, sums=of_similarity), similarity, own, parting, raster)
-    return np.column_stack([alike, region_terms(outlined, raster)[:, 2:4]])
+    of_matches = match_terms(replace(outlined, sums=of_similarity), similarity, own, parting, raster)
+    return np.column_stack([of_matches, region_terms(outlined, raster)[:, 2:4]])
 
 
-def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Scale) -> Floats:
+def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Statistics) -> Floats:
     """Compute the terms of the confidence of regions by texture, refined to the pixel: (n, 5) float64.
 
     In order: logarithm of the number of pixels over that of a window; the second term of `region_terms`; the

@@ -42,19 +42,24 @@ class GreyTile:
         return replace(self, grey=grey, valid=valid, excess=excess)
 
 
+@dataclass(frozen=True, slots=True)
+class Statistics:
+    """Statistics of the grey of a raster; a step is the absolute difference of adjacent pixels."""
+
+    mean_step: float = math.nan
+    deviation: float = math.nan  # the standard deviation
+    separability: float = math.nan  # Otsu's eta: share of the variance between the two best classes
+
+
 @dataclass(frozen=True)
 class GreySource:
-    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey.
-
-    After `with_statistics` the `scale` is the mean step (absolute difference of adjacent pixels), the
-    standard deviation, and Otsu's eta; a tenth of the steps exceeds `large_step`.
-    """
+    """A dataset, the stretch that maps its values to grey, and the illumination subtracted from grey."""
 
     dataset: Dataset
     stretch: Stretch
     illumination: Illumination | None = field(default=None, kw_only=True)
-    scale: tuple[float, float, float] = field(default=(math.nan,) * 3, kw_only=True, compare=False)
-    large_step: int = field(default=GREY_MAX, kw_only=True)
+    statistics: Statistics = field(default=Statistics(), kw_only=True, compare=False)
+    large_step: int = field(default=GREY_MAX, kw_only=True)  # which a tenth of the steps exceeds
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -155,7 +160,7 @@ _WINDOWS, _MIN_STEPS = (6, 24, 96), 4096  # along each side; more where windows 
 
 
 def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
-    """Return a source with its scale and large step, from windows spread evenly over the raster."""
+    """Return a source with its statistics and large step, from windows spread evenly over the raster."""
     for along in _WINDOWS:
         windows = spread_windows(source.shape, along, BLOCK)
         parts = list(tile_pass.silent.run(partial(_statistics, source), windows))
@@ -168,8 +173,12 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
     inner = (shares > 0) & (shares < 1)
     between = (means[-1] * shares - means)[inner] ** 2 / (shares * (1 - shares))[inner]
     variance = float(greys.var())
-    scale = float(steps.mean()), variance**0.5, float(between.max(initial=0)) / variance if variance else 0.0
-    return replace(source, scale=scale, large_step=int(np.quantile(steps, 0.9, method="lower")))
+    found = Statistics(
+        mean_step=float(steps.mean()),
+        deviation=variance**0.5,
+        separability=float(between.max(initial=0)) / variance if variance else 0.0,
+    )
+    return replace(source, statistics=found, large_step=int(np.quantile(steps, 0.9, method="lower")))
 
 
 def _statistics(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:

@@ -87,7 +87,7 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    terms = partial(class_terms, outlined, *alike(likenesses, kind), grey.scale)
+    terms = partial(class_terms, outlined, *alike(likenesses, kind), grey.statistics)
     confidence = Confidence.of(
         outlined, lambda: OF_CLASSES.probability(terms()), request.refine, request.min_confidence
     )
@@ -95,7 +95,11 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     result = results.measured(outlined, info, (0.0, 1.0), drawing, columns, confidence=confidence)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    how = {"classes": request.classes, "refine": request.refine, "bands": request.bands or None}
+    how = {
+        "classes": request.classes,
+        "refine": request.refine,
+        "bands": request.bands or ("all" if raster.all_bands else None),
+    }
     metadata = (
         how
         | {"min_confidence": request.min_confidence}

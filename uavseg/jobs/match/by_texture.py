@@ -168,7 +168,7 @@ def _measured(
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
     how = request.refine, request.min_confidence
-    terms = partial(texture_terms, outlined, raster=grey.scale)
+    terms = partial(texture_terms, outlined, raster=grey.statistics)
     confidence = Confidence.of(outlined, lambda: OF_TEXTURES.probability(terms(parting_of(search))), *how)
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tiles))}
     return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, confidence=confidence)

@@ -5,9 +5,9 @@ color -> outlined: where the raster has the colors of the sample, see `regions_b
 texture alone, see `by_texture`: where color hardly parts the sample from the raster, or as chosen
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.by_texture import TextureSample, TextureSearch, regions_by_texture, search_texture
 from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, band_sources, color_sources
-from uavseg.jobs.match.request import ANSWERS, MatchRequest
+from uavseg.jobs.match.request import ANSWERS, Ask, MatchRequest
 from uavseg.jobs.result import result as results
 from uavseg.jobs.result.result import Extraction, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
@@ -51,8 +51,6 @@ from uavseg.units import GREY_MAX
 _LEAST_WINDOW = 24  # pixels: smaller ones tell textures apart where these differ much
 _LEAST_SEPARABILITY = 0.8  # of the scores of smaller windows
 Masks = Sequence[SampleMask]
-Ask = Callable[[Disc], bool | Literal["skip"] | None]
-"""A disc -> whether it is wanted, "skip" for another place, None for no more questions."""
 
 _HARDLY = "color hardly parts the sample from the rest of the raster; texture may (--by texture)"
 _MIXED = "color hardly parts the samples of what is wanted from the others; give bands or an index that does"
@@ -134,11 +132,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         is_finer = result.color.finer_share is not None
         touching = is_finer or request.answer == 2 or len(result.found.regions) > 1
         result = replace(result, answers=(1, *[2] * touching, *[3] * is_finer))
-        if request.answer not in result.answers:
-            raise ParameterError(
-                f"there is no answer {request.answer}, because finer kinds find no less; leave it out"
-            )
-    found = results.with_metadata(result.found, raster, "match", _facts(request, result))
+    found = results.with_metadata(result.found, raster, "match", _facts(request, result, raster.all_bands))
     return replace(result, found=work.finished(found, *hints))
 
 
@@ -181,6 +175,8 @@ def _compared(
     colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
     similarity = learn(colors, places, unlike, passes[0], request.answer != 1)
+    if request.answer == 3 and similarity.table.finer_share is None:
+        raise ParameterError("there is no answer 3, because finer kinds find no less; leave the answer out")
     auto = request.by == "auto" and request.is_one and request.answer == 1
     window = fitting_window(places[0]) if auto else None
     if window is not None and not _parts(similarity.table):
@@ -216,7 +212,7 @@ def _parts(table: SimilarityTable) -> bool:
     return table.separation >= LEAST_PARTING
 
 
-def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
+def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any]:
     likes = [_fact(like) for like in request.samples]
     metadata: dict[str, Any] = {"like": likes[0] if len(likes) == 1 else likes, "by": made.compared}
     if request.unlike:
@@ -225,7 +221,7 @@ def _facts(request: MatchRequest, made: Match) -> dict[str, Any]:
         metadata |= {"window": made.texture.window, "similarity": request.similarity}
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         metadata |= {"intensity": "any" if any_intensity else request.intensity}
-    metadata |= {"refine": request.refine, "bands": request.bands or None}
+    metadata |= {"refine": request.refine, "bands": request.bands or ("all" if all_bands else None)}
     metadata |= {"min_confidence": request.min_confidence}
     if len(made.answers) > 1:
         metadata |= {"answer": request.answer, "answers": [ANSWERS[n] for n in made.answers]}
@@ -275,11 +271,11 @@ def regions_by_color(
     outlined = results.filled(like, outlined, request.fill_holes, tiles)
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     shares = similarity_of(outlined, like.table.sample_mean)
-    own, scale = like.table.sample_mean, with_statistics(grey, tiles).scale
+    own, statistics = like.table.sample_mean, with_statistics(grey, tiles).statistics
     parting = own - like.table.raster_mean
     confidence = Confidence.of(
         outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, scale)),
+        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, statistics)),
         request.refine,
         request.min_confidence,
     )

@@ -18,11 +18,9 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.result.result import SourceInfo
-from uavseg.jobs.source import open_source
 from uavseg.jobs.source.open_source import raster_of
-from uavseg.jobs.source.source import AUTO, Raster
+from uavseg.jobs.source.source import AUTO, Raster, Source
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
 from uavseg.raster.intensity.stretch import fit_stretch
@@ -207,24 +205,18 @@ class SampleRanges:
     warnings: tuple[str, ...]
 
 
-def open_all_bands(source: Any, options: ReadOptions) -> Raster:
-    """Return a raster with all bands, as `open_source`; ParameterError if slow light is to be taken away."""
-    if options.flatten is not None:
-        raise ParameterError(
-            "a sample is parted by ranges of values, which do not fit without slow light; leave flatten out"
-        )
-    refusal = "a block map holds no colors to be compared; name the raster itself"
-    return raster_of(open_source.open_all_bands(source, options), refusal)
-
-
-def ranges_of_sample(raster: Raster, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
+def ranges_of_sample(source: Source, request: SuggestLikeRequest, work: Work = SERIAL) -> SampleRanges:
     """Return ranges of bands, indices and sums of bands that part samples best from the rest of a raster.
 
     Where a band or a formula of it is chosen, that alone is looked at. A SampleError says that a sample is
-    not on the raster, too small, or on nodata, a ParameterError that the raster has too many bands of which
-    none is chosen.
+    not on the raster, too small, or on nodata, a ParameterError that slow light is to be taken away.
     """
     work = work.begun()
+    raster = raster_of(source, "a block map holds no colors to be compared; name the raster itself")
+    if raster.options.flatten is not None:
+        raise ParameterError(
+            "a sample is parted by ranges of values, which do not fit without slow light; leave flatten out"
+        )
     [tile_pass] = work.over(raster).stages(1)
     places = [sample_mask(one, raster.geobox) for one in request.like]
     others = [sample_mask(one, raster.geobox) for one in request.unlike]

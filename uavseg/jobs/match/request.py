@@ -1,6 +1,8 @@
 """What is searched for by a sample, and what counts as like it."""
 
 import math
+from collections.abc import Callable
+from typing import Literal
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
@@ -11,6 +13,8 @@ from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
 
 WINDOWS = (16, 24, 32, 48, 64, 96, 128)
+Ask = Callable[[Disc], bool | Literal["skip"] | None]
+"""A disc -> whether it is wanted, "skip" for another place, None for no more questions."""
 ANSWERS = {1: "the whole kind", 2: "what touches the sample", 3: "finer kinds"}
 
 

@@ -33,7 +33,7 @@ from uavseg.regions.table import Regions, make_regions, with_values
 from uavseg.regions.tiles.range_tiles import sum_regions
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params.segment import SegmentParams
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, Statistics
 
 _BANDS = re.compile(r"band \d{1,6}|luminance of bands \d{1,6}(,\d{1,6}){2}")  # see `BandChoice.name`
 _CHOSEN = ("nodata", "index", "expr", "band_names", "flatten")
@@ -87,7 +87,7 @@ class SourceInfo:
     warnings: tuple[str, ...]
     in_metres: bool  # whether lengths are metres rather than units of the map
     axis: ValueAxis | None = None  # how v maps to values in the raster's own units, where known
-    scale: tuple[float, float, float] = (np.nan,) * 3  # as of `GreySource`
+    statistics: Statistics = Statistics()
 
     @classmethod
     def of(cls, source: GreySource | Blocks) -> "SourceInfo":
@@ -100,7 +100,7 @@ class SourceInfo:
         warnings = dataset.warnings + stretch.warnings
         metadata = stretch, dataset.band_names, warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
-        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.scale)
+        return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.statistics)
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth

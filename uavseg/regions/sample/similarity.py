@@ -320,13 +320,13 @@ def place_to_ask(
     if not whole:
         return None
     pixels = np.stack([colors[k] for k in whole])
-    likeness = table.of(pixels.reshape(-1, len(bands))).reshape(-1, full).mean(1) / GREY_MAX
+    similar = table.of(pixels.reshape(-1, len(bands))).reshape(-1, full).mean(1) / GREY_MAX
     scale = np.maximum(pixels.std((0, 1)), 1)
     means, pure = pixels.mean(1) / scale, 1 / (1 + (pixels.std(1) / scale).mean(1) / _NEAR)
     of_known = list(tile_pass.silent.run(partial(_sample_colors, bands), known))
-    untold = 1 - _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)]))
-    wrong = np.maximum(np.minimum(likeness, 1 - likeness), _SURPRISE) * untold.prod(1) * pure
-    gains = (_nearness(means, means) * wrong).sum(1) / max(float(likeness.sum()), 1.0)
+    unknown = 1 - _nearness(means, np.stack([one.mean(0) / scale for one in of_known if len(one)]))
+    wrong = np.maximum(np.minimum(similar, 1 - similar), _SURPRISE) * unknown.prod(1) * pure
+    gains = (_nearness(means, means) * wrong).sum(1) / max(float(similar.sum()), 1.0)
     geobox, windows = bands[0].dataset.geobox, spread_windows(bands[0].shape, _WINDOWS, _WINDOW)
     order = np.argsort(-gains * pure, kind="stable")
     for (radius, reach), k in product(_radii(geobox, known), order[gains[order] >= _MIN_GAIN].tolist()):

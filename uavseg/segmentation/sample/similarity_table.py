@@ -79,9 +79,7 @@ class SimilarityTable:
         mean = raster.mean(0)
         deviation = np.maximum(raster.std(0), 1)
         other = None if unlike is None else (_project(unlike, weights) - mean) / deviation
-        scaled = (raster - mean) / deviation
-        usual, finest = _decide(scaled, (of_sample - mean) / deviation, other)
-        shares = [None if one is None else float(one.takes(scaled).mean()) for one in (usual, finest)]
+        usual, finest = _decide((raster - mean) / deviation, (of_sample - mean) / deviation, other)
         decision = finest if finer and finest is not None else usual
         bins = _BINS[len(weights)]
         lows, highs = np.quantile(np.concatenate([raster, of_sample]), _TAILS, axis=0)
@@ -98,8 +96,8 @@ class SimilarityTable:
             raster_mean=float(of_points.mean()) / GREY_MAX,
             other_mean=None if unlike is None else float(table.of(unlike).mean()) / GREY_MAX,
             uncertain=float((np.abs(2 * (of_points / GREY_MAX) - 1) < _UNCERTAIN).mean()),
-            share=shares[0] or 0.0,
-            finer_share=shares[1],
+            share=float(usual.found.mean()),
+            finer_share=None if finest is None else float(finest.found.mean()),
         )
 
     @property
@@ -139,6 +137,7 @@ class _Decision:
     vote: SampleVote
     middle: float
     limit: float
+    found: NDArray[np.bool_]  # which points of the raster are of the class: those of one half and more
 
     @classmethod
     def of(cls, vote: SampleVote, points: Points, sample: Points, unlike: Points | None) -> "_Decision":
@@ -158,15 +157,17 @@ class _Decision:
         overlap = result / np.maximum(result[-1] + np.arange(1, len(result) + 1) - result, 1e-9)
         rest = float(np.quantile(similarity, _OTHERS))
         minimum = rest + _MIN_LIMIT * (float(_moved(of_sample, middle).mean()) - rest)
-        return cls(vote, middle, float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5)))
+        limit = float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5))
+        return cls(vote, middle, limit, found=_moved(similarity, limit) >= 0.5)
 
     def similarity(self, points: Points) -> Points:
         """Compute the similarity of points; those of one half and more are of the class."""
         return _moved(_moved(self.vote.similarity(points), self.middle), self.limit)
 
-    def takes(self, points: Points) -> NDArray[np.bool_]:
-        """Return which points are of the class."""
-        return self.similarity(points) >= 0.5
+    def agrees(self, other: "_Decision") -> bool:
+        """Check whether two decisions find much the same points."""
+        both, either = self.found & other.found, self.found | other.found
+        return bool(both.sum() >= _AGREED * either.sum())
 
 
 def _decide(points: Points, sample: Points, unlike: Points | None) -> tuple[_Decision, _Decision | None]:
@@ -175,14 +176,9 @@ def _decide(points: Points, sample: Points, unlike: Points | None) -> tuple[_Dec
     given = points, sample, unlike
     votes, finest = sample_votes(*given)
     usual, *seeded, finer = (_Decision.of(vote, *given) for vote in (*votes, finest))
-    chosen = next((other for other in seeded if not _agree(usual, other, points)), usual)
-    is_less = finer.takes(points).sum() < chosen.takes(points).sum()
-    return chosen, finer if is_less and not _agree(chosen, finer, points) else None
-
-
-def _agree(one: _Decision, other: _Decision, points: Points) -> bool:
-    first, second = one.takes(points), other.takes(points)
-    return bool((first & second).sum() >= _AGREED * (first | second).sum())
+    chosen = next((other for other in seeded if not usual.agrees(other)), usual)
+    is_less = finer.found.sum() < chosen.found.sum()
+    return chosen, finer if is_less and not chosen.agrees(finer) else None
 
 
 def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
