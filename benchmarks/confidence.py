@@ -13,8 +13,8 @@ beside. For `match` by texture the scenes are those of `benchmarks.textures`.
 
 The lines of numbers are of folds: all regions of a sixth of the pictures and scenes, or of one kind of
 pictures, get their confidence from weights that were fitted without them. Pictures and families have the
-same weight each. With `--fit` the weights of `uavseg.regions.confidence` are fitted on all of them and printed; the
-tables are of other seeds of the drawn scenes.
+same weight each. With `--fit` the weights of `uavseg.regions.confidence` are fitted on all of them and
+printed; the tables are of other seeds of the drawn scenes.
 """
 
 import sys

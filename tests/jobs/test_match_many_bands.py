@@ -170,6 +170,7 @@ def test_bands_are_chosen_by_number_or_name(tmp_path: Path) -> None:
     one, two = (found(path, MatchRequest(LIKE, bands=bands)) for bands in (numbers, names))
     assert np.array_equal(one.found.rings.vertices, two.found.rings.vertices)
     assert agreement(painted(one), kinds() == 0) > 0.9
+    assert one.found.regions.metadata["bands"] == list(numbers)
 
 
 def test_files_side_by_side_are_one_raster(known: NDArray[np.bool_], tmp_path: Path) -> None:
@@ -225,6 +226,7 @@ def test_classes_are_told_apart_in_many_bands(tmp_path: Path) -> None:
     shapes = geopandas.points_from_xy(x, y).buffer(20)
     geopandas.GeoDataFrame({"class": classes}, geometry=shapes, crs="EPSG:32618").to_file(target)
     frame = uavseg.match(path, classes=target)
+    assert frame.attrs["uavseg"]["bands"] == "all"
     for name, part in frame.groupby("class"):
         expected = kinds() == int(name[-1])
         assert part.area.sum() == pytest.approx(4 * expected.sum(), rel=0.1)
@@ -257,6 +259,7 @@ def test_the_command_and_the_function_find_the_same_in_64_bands(tmp_path: Path) 
     assert result.exit_code == 0, result.output
     frame = uavseg.match(path, like=(LIKE.x, LIKE.y, 20), min_area=400)
     assert len(frame) == 2 and target.read_text().count('"Polygon"') == 2
+    assert frame.attrs["uavseg"]["bands"] == "all"
     assert frame.area.sum() == pytest.approx(4 * (kinds() == 0).sum(), rel=0.05)
 
 
