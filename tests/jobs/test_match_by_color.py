@@ -8,17 +8,21 @@ import numpy as np
 import pytest
 import rasterio
 from affine import Affine
+from click.testing import CliRunner, Result
 from numpy.typing import NDArray
+from PIL import Image
 from scipy import ndimage
 
 import uavseg
+from uavseg.cli import main
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
 from uavseg.jobs.match.match import Match, match
-from uavseg.jobs.match.request import MatchRequest
+from uavseg.jobs.match.request import ANSWERS, MatchRequest
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.work import Work
 from uavseg.options.reading import ReadOptions
+from uavseg.plot.preview import draw_answers
 from uavseg.raster.grid.tiling import Window
 from uavseg.regions.outline.rings import rasterise
 from uavseg.regions.sample.place import Disc
@@ -273,3 +277,55 @@ def test_tiles_change_no_answer(slope: Path) -> None:
 def test_answers_that_are_none_are_refused(words: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=r"an answer is 1, 2 or 3|texture has one answer"):
         MatchRequest(DISC, **words)
+
+
+def with_picture(path: Path, folder: Path, *words: str) -> Result:
+    line = ["match", str(path), "-q", "--by", "color", "-o", str(folder / "a.gpkg"), *words]
+    return CliRunner().invoke(main, line)
+
+
+def panel(path: Path, number: int, count: int) -> NDArray[np.int64]:
+    """The map of one answer in a picture of several, all as wide."""
+    with Image.open(path) as drawn:
+        pixels = np.asarray(drawn.convert("RGB")).astype(np.int64)
+    step = (pixels.shape[1] - 24) // count  # a margin of 0.15 inches is on both sides of each map
+    return pixels[:, (number - 1) * step :][:, :step]
+
+
+def test_each_answer_is_drawn_as_it_is_alone(slope: Path, tmp_path: Path) -> None:
+    """Regions are the same bytes with the picture, whose parts are pictures of the answers one by one."""
+    sample = ("--like", f"{1000 + ROOFS[0][1]},{1000 - ROOFS[0][0]},8")
+    picture = str(tmp_path / "a.png")
+    assert with_picture(slope, tmp_path, *sample, "--png", picture).exit_code == 0
+    drawn = [panel(tmp_path / "a.png", number, 3) for number in (1, 2, 3)]
+    source = open_raster(str(slope))
+    for number, part in enumerate(drawn, start=1):
+        found = answered(slope, number, by="color").found.regions
+        name = f"--answer {number}: {ANSWERS[number]}"
+        draw_answers(source.dataset, tmp_path / "one.png", {name: found}, overwrite=True)
+        alone = panel(tmp_path / "one.png", 1, 1)
+        assert np.abs(alone - part).mean() < 0.5
+        assert all(np.abs(alone - other).mean() > 1 for other in drawn if other is not part)
+    with_it = (tmp_path / "a.gpkg").read_bytes()
+    assert with_picture(slope, tmp_path, *sample, "--overwrite").exit_code == 0
+    assert (tmp_path / "a.gpkg").read_bytes() == with_it
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["--each", "--png", "a.png"], "--png is for one source"),
+        (["--png", "a.jpg"], "a preview is a PNG picture"),
+        (["--png", "is.png"], "is.png exists"),
+        (["--classes", "s.gpkg", "--png", "a.png"], "leave out --like, --png"),
+    ],
+)
+def test_pictures_of_answers_that_are_refused_before_the_work(
+    tile: Path, tmp_path: Path, words: list[str], text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "is.png").write_bytes(b"mine")
+    before = set(tmp_path.iterdir())
+    said = with_picture(tile, tmp_path, "--like", f"{DISC.word}", *words)
+    assert said.exit_code in (1, 2) and text in said.stderr
+    assert set(tmp_path.iterdir()) == before and (tmp_path / "is.png").read_bytes() == b"mine"

@@ -15,6 +15,7 @@ from uavseg.cli.terminal.say import Reporter, say, work_of
 from uavseg.cli.write import (
     RegionFiles,
     answer_each,
+    check_distinct,
     confidence_row,
     keep_inputs,
     shown,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from uavseg.jobs.result.result import Extraction
     from uavseg.raster.grid.geobox import GeoBox
     from uavseg.regions.sample.place import Disc
+    from uavseg.regions.table import Regions
 
 _ANSWERS: dict[str, Any] = {"y": True, "yes": True, "n": False, "no": False, "s": "skip", "skip": "skip"}
 _ANSWERS |= {"q": None, "quit": None}
@@ -63,7 +65,8 @@ def command(options: MatchOptions) -> None:
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
     rasters are one mosaic, unless --each is given.
     """
-    from uavseg.jobs.match.match import match, with_answers
+    from uavseg.jobs.match.match import each_answer, match, with_answers
+    from uavseg.jobs.match.request import ANSWERS
     from uavseg.jobs.requests import region_job
 
     reporter = Reporter(options.messages, options.progress)
@@ -73,6 +76,12 @@ def command(options: MatchOptions) -> None:
         return
     files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
     picture = "match.place.png" if files.target == "-" else str(Path(files.target).with_suffix(".place.png"))
+    if options.png is not None:
+        from uavseg.plot.page.page import check_png_target
+
+        check_distinct(files.target, options.png)
+        keep_inputs([options.png], options.source.rasters, options.like, options.unlike)
+        check_png_target(options.png, files.overwrite)
     if options.ask:
         from uavseg.plot.preview import PlacePicture
 
@@ -82,6 +91,7 @@ def command(options: MatchOptions) -> None:
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
     advice: list[str | None] = []
+    pictures: dict[str, Regions] = {}
     answers, request = list[str](), job.request
 
     def ask(disc: Disc) -> Any:
@@ -94,6 +104,9 @@ def command(options: MatchOptions) -> None:
         made = match(source, request, work)
         found, compared = made.found, _compared(made)
         advice = [made.others, None if options.ask else made.advice]
+        if options.png is not None:
+            answered = each_answer(source, request, made, work)
+            pictures = {f"--answer {n}: {ANSWERS[n]}": regions for n, regions in answered.items()}
     else:
         found = job.find(source, work)
         compared = _classes(found)
@@ -106,6 +119,10 @@ def command(options: MatchOptions) -> None:
         words = shlex.join(["uavseg", "match", *given[:end], *answers, *given[end:]])
         reporter.say(f"no more questions; the same regions without them: {words}")
     with transaction():
+        if options.png is not None:
+            from uavseg.plot.preview import draw_answers
+
+            draw_answers(source.dataset, options.png, pictures, job.read.spec or "auto", files.overwrite)
         files.write(found, work)
     common = summary_rows(found)
     rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}"}
@@ -116,13 +133,14 @@ def command(options: MatchOptions) -> None:
 
 def _check_samples(options: MatchOptions) -> None:
     """Refuse samples of two sorts: those of `like`, or of classes."""
-    if options.ask and options.each.each:
-        raise click.UsageError("--ask is for one source; leave it out, or --each")
+    for name in ("ask", "png"):
+        if getattr(options, name) and options.each.each:
+            raise click.UsageError(f"--{name} is for one source; leave it out, or --each")
     if options.classes is None:
         if not options.like:
             raise click.UsageError("give a sample with --like, or samples of several classes with --classes")
         return
-    given = [f"--{name}" for name in ("like", "unlike", "ask", "window") if getattr(options, name)]
+    given = [f"--{name}" for name in ("like", "unlike", "ask", "png", "window") if getattr(options, name)]
     usual: dict[str, Any] = {"by": "auto", "answer": 1, "similarity": 0.9, "intensity": 1.0}
     given += [f"--{name}" for name, value in usual.items() if getattr(options, name) != value]
     if given:

@@ -299,6 +299,12 @@ class MatchOptions(TiledJobOptions):
             "[default: STEM.match.geojson here]"
         },
     )
+    png: str | None = option(
+        "Draw each answer over the raster, too, beside each other.",
+        metavar="PATH.png",
+        python=False,
+        basic=True,
+    )
     creation: StorageOptions = group(StorageOptions)
     by: str = option(
         "What is compared: color, texture with intensity, or what parts the sample from the raster.",

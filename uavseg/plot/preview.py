@@ -1,7 +1,7 @@
 """Preview: a raster with the results drawn over it as layers, written as PNG."""
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -24,6 +24,7 @@ from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec, fit_stretch
 from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.regions.sample.place import Disc, sample_mask
+from uavseg.regions.table import Regions
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
@@ -33,6 +34,7 @@ File = str | os.PathLike[str]
 
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 _MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
+_ANSWER_IN, _ANSWER_DPI = 5.0, 160  # width of the raster under each of several answers
 _PLACE_IN, _AROUND = 6.0, 4  # width of the picture of a disc, whose surroundings are so many times as wide
 _MAX_FITTED = 1024  # rows and columns to which its stretch is fitted
 
@@ -98,6 +100,34 @@ def preview(
         with atomic_file(target, overwrite) as temporary:
             page.save_figure(figure, temporary)
     return target
+
+
+def draw_answers(
+    dataset: Dataset,
+    out: File,
+    answers: Mapping[str, Regions],
+    stretch: AnyStretch = "auto",
+    overwrite: bool = False,
+) -> None:
+    """Draw the regions of several answers over a raster, beside each other under their names, as PNG.
+
+    OutputError if the picture may not be written.
+    """
+    target = page.check_png_target(out, overwrite)
+    frame = page.Frame(dataset.geobox, dataset.local_metres)
+    view = _view(frame, ())
+    height = _height(view, _ANSWER_IN)
+    page_in, step = height + _HEAD_IN + _MARGIN_IN, _ANSWER_IN + _MARGIN_IN
+    width = step * len(answers) + _MARGIN_IN
+    figure = page.new_figure(width, page_in, _ANSWER_DPI)
+    for k, (name, regions) in enumerate(answers.items()):
+        left, layer = _MARGIN_IN + k * step, RegionLayer.of(regions, frame)
+        box = (left / width, _MARGIN_IN / page_in, _ANSWER_IN / width, height / page_in)
+        _draw_map(figure.add_axes(box), view, (_ANSWER_IN, height), dataset, frame, stretch, "keep", [layer])
+        found = " · ".join(layer.title_parts(dataset.in_metres))
+        page.write_text(figure, left / width, name, found)
+    with atomic_file(target, overwrite) as temporary:
+        page.save_figure(figure, temporary)
 
 
 @dataclass(frozen=True)
@@ -178,18 +208,13 @@ def _figure(
     dataset: Dataset, frame: page.Frame, stretch: AnyStretch, collar: str, layers: Sequence[Layer], dpi: float
 ) -> Any:
     view = _view(frame, layers)
-    left, right, bottom, top = view
     width = _WIDTH_IN - 2 * _MARGIN_IN
-    height = min(max(width * (top - bottom) / (right - left), _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
+    height = _height(view, width)
     page_in = height + _HEAD_IN + _FOOT_IN
     figure = page.new_figure(_WIDTH_IN, page_in, dpi)
     ax = figure.add_axes((_MARGIN_IN / _WIDTH_IN, _FOOT_IN / page_in, width / _WIDTH_IN, height / page_in))
-    point = page.fit_axes(ax, view, width, height)
-    drawn = draw_raster(ax, dataset, frame, stretch, collar)
+    drawn = _draw_map(ax, view, (width, height), dataset, frame, stretch, collar, layers)
     decided("%s, %s", dataset.band_names, drawn)
-    for layer in layers:
-        layer.draw(ax, point)
-    page.draw_furniture(ax, frame, point)
     page.draw_legend(ax)
     others = len(dataset.paths) - 1
     title = printable(dataset.source + (f" and {others} more" if others else ""))
@@ -197,6 +222,31 @@ def _figure(
     caption = page.raster_caption(dataset.geobox, dataset.band_names, drawn, dataset.local_metres)
     page.write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.12)
     return figure
+
+
+def _height(view: page.View, width: float) -> float:
+    """Return the height of a map of this width in inches."""
+    left, right, bottom, top = view
+    return min(max(width * (top - bottom) / (right - left), _MIN_HEIGHT_IN), _MAX_HEIGHT_IN)
+
+
+def _draw_map(
+    ax: Any,
+    view: page.View,
+    size: tuple[float, float],
+    dataset: Dataset,
+    frame: page.Frame,
+    stretch: AnyStretch,
+    collar: str,
+    layers: Sequence[Layer],
+) -> str:
+    """Draw a raster and layers on axes of this width and height; return how the raster is drawn."""
+    point = page.fit_axes(ax, view, *size)
+    drawn = draw_raster(ax, dataset, frame, stretch, collar)
+    for layer in layers:
+        layer.draw(ax, point)
+    page.draw_furniture(ax, frame, point)
+    return drawn
 
 
 def _view(frame: page.Frame, layers: Sequence[Layer]) -> page.View:

@@ -39,6 +39,7 @@ from uavseg.regions.sample.similarity import (
     sample_colors,
     window_colors,
 )
+from uavseg.regions.table import Regions
 from uavseg.regions.tiles.class_tiles import LIKELY
 from uavseg.regions.tiles.range_tiles import outline_regions, sum_regions
 from uavseg.segmentation.params.segment import SegmentParams
@@ -134,6 +135,15 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
         result = replace(result, answers=(1, *[2] * touching, *[3] * is_finer))
     found = results.with_metadata(result.found, raster, "match", _facts(request, result, raster.all_bands))
     return replace(result, found=work.finished(found, *hints))
+
+
+def each_answer(
+    source: Source, request: MatchRequest, made: Match, work: Work = SERIAL
+) -> dict[int, Regions]:
+    """Return the regions of each answer that differs, by its number; `made` is the match of the request."""
+    others = {n: replace(request, answer=n) for n in made.answers if n != request.answer}
+    found = {n: match(source, other, work).found.regions for n, other in others.items()}
+    return dict(sorted({**found, request.answer: made.found.regions}.items()))
 
 
 def with_answers(source: Source, request: MatchRequest, ask: Ask, work: Work = SERIAL) -> MatchRequest:

@@ -251,7 +251,9 @@ def draw_legend(ax: Any) -> None:
         ax.legend(named.values(), named.keys(), **look).set_zorder(10)
 
 
-def write_text(figure: Any, x: float, title: str, subtitle: str, caption: str, caption_in: float) -> None:
+def write_text(
+    figure: Any, x: float, title: str, subtitle: str, caption: str = "", caption_in: float = 0
+) -> None:
     """Write the title and the line below it at the top of a page, and the caption at its foot.
 
     `x` is the left end of the lines, as a share of the width, `caption_in` the height of the caption above
