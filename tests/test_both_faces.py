@@ -338,6 +338,7 @@ LEVELS: list[tuple[Any, Words]] = [
 PLAN_LINE = ["plan", "regions.geojson", "--altitude", "40", "--home", "auto", "--largest", "2"]
 DISC = (4e5 + 170, 5e6 - 140, 66)
 MATCH: list[tuple[Any, Words]] = [
+    ("bands.tif", {"like": DISC, "flatten": "80px", "bands": (1, 2)}),
     ("tile.tif", {"like": DISC}),
     ("tile.tif", {"like": DISC, "window": 16, "similarity": 0.5, "intensity": 2.0}),
     ("tile.tif", {"like": DISC, "refine": "none", "fill_holes": "99px", "min_area": 60.0, "simplify": 2.0}),

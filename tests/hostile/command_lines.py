@@ -52,7 +52,7 @@ LINES = tuple(
         f"match x.tif --like 500048,4499952,34 -o out.geojson --window 32 --similarity 0.9 --intensity 1 --bands 1 {RUN}",
         f"match x.tif --like 500048,4499952,20 -o out.fgb --unlike 500100,4499900,9 --by color --answer 2 --png out.png --labels out.tif --fill-holes 9px --min-area 9 --min-confidence 0.3 --detail 3px {RUN}",
         f"match rgb.tif --like 500048,4499952,20 -o out.gpkg --by color --ask --overwrite {RUN}",
-        f"match x.tif --classes cl.geojson -o out.geojson --refine none {RUN}",
+        f"match x.tif --classes cl.geojson -o out.geojson --refine none --flatten 40px {RUN}",
         f"suggest x.tif --classes 3 -o out.png {DIVISION} {RUN}",
         f"classify x.tif -o out.tif --stretch 0,255 --free-below 0.4 --occupied-above 0.6 --min-area 4 {RUN}",
         f"classify m.tif -o out.tif --objects out.geojson {RUN}",

@@ -19,7 +19,7 @@ from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import threads
 from uavseg.jobs.match.match import Match, match
 from uavseg.jobs.match.request import ANSWERS, MatchRequest
-from uavseg.jobs.source.open_source import open_raster
+from uavseg.jobs.source.open_source import open_all_bands, open_raster
 from uavseg.jobs.source.work import Work
 from uavseg.options.reading import ReadOptions
 from uavseg.plot.preview import draw_answers
@@ -122,6 +122,55 @@ def test_turned_by_a_quarter_it_is_the_same_but_at_edges(tmp_path: Path, tile: P
         for path, where in ((tile, DISC), (turned, back))
     )
     assert overlap(one, other[::-1, ::-1]) > 0.96
+
+
+def in_the_light(path: Path, least: float) -> tuple[Path, NDArray[np.bool_], Disc]:
+    """Patches of four kinds in light that grows from `least` to 1.6 along the rows; and the first kind."""
+    field = ndimage.gaussian_filter(np.random.default_rng(3).normal(size=(4, *SHAPE)), (0, 7, 7))
+    kind = (field / field.std((1, 2), keepdims=True)).argmax(0)
+    colors = np.array([[70, 90, 60], [110, 80, 60], [60, 80, 110], [100, 110, 100]], float)
+    light = np.linspace(least, 1.6, SHAPE[1])
+    noise = np.random.default_rng(4).normal(0, 3, (3, *SHAPE))
+    planes = np.rint(np.clip(colors[kind].transpose(2, 0, 1) * light + noise, 0, 255)).astype(np.uint8)
+    room = ndimage.distance_transform_edt(np.pad(kind == 0, 1))[1:-1, 1:-1]
+    row, col = np.unravel_index(room.argmax(), SHAPE)
+    return write(path, planes), kind == 0, Disc(1000.5 + col, 999.5 - row, 6)
+
+
+FLAT = ReadOptions(flatten="90px")
+
+
+def test_without_slow_light_a_kind_is_found_from_end_to_end(tmp_path: Path) -> None:
+    path, wanted, disc = in_the_light(tmp_path / "light.tif", 0.4)
+    dark, flat = (
+        painted(match(open_raster(str(path), read), MatchRequest(disc, by="color")))
+        for read in (ReadOptions(), FLAT)
+    )
+    assert overlap(flat, wanted) > 0.85 > 0.75 > overlap(dark, wanted)
+
+
+@pytest.mark.slow
+def test_what_is_found_without_slow_light_hardly_depends_on_it(tmp_path: Path) -> None:
+    found = []
+    for number, least in enumerate((0.5, 1.6)):
+        path, _, disc = in_the_light(tmp_path / f"{number}.tif", least)
+        found.append(painted(match(open_raster(str(path), FLAT), MatchRequest(disc, by="color"))))
+    assert overlap(*found) > 0.85
+
+
+@pytest.mark.slow
+def test_tiles_change_nothing_without_slow_light(tmp_path: Path) -> None:
+    path, _, disc = in_the_light(tmp_path / "light.tif", 0.4)
+    source, request = open_raster(str(path), FLAT), MatchRequest(disc)
+    whole, parts = (match(source, request, work).found for work in (Work(), Work(64, threads(2))))
+    assert np.array_equal(whole.rings.vertices, parts.rings.vertices)
+    assert whole.regions.metadata["flatten"] == "90px"
+
+
+def test_slow_light_of_many_bands_is_refused(tmp_path: Path) -> None:
+    path = write(tmp_path / "many.tif", np.tile(picture(), (2, 1, 1)))
+    with pytest.raises(ParameterError, match="slow light is taken away from 4 bands at most; choose some"):
+        match(open_all_bands([str(path)], FLAT), MatchRequest(DISC))
 
 
 def test_attributes_are_of_the_intensity_and_the_similarity_of_the_colors(tile: Path) -> None:

@@ -53,6 +53,7 @@ def match(
     band_names: str | None = None,
     nodata: float | str | None = None,
     stretch: str = "auto",
+    flatten: float | str | None = None,
     refine: str = "pixel",
     detail: float | str | None = None,
     min_area: float | str | None = None,

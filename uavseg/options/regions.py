@@ -346,7 +346,7 @@ class MatchOptions(TiledJobOptions):
         parse=texts.bands,
         label="Bands to compare",
     )
-    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, "flatten", **reading.RASTER_STRETCH)
+    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
     refine: str = option(
         "Boundaries to the pixel, or at the edges of cells of 8 pixels.",
         default="pixel",

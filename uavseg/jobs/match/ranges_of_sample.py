@@ -19,7 +19,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import raster_of
-from uavseg.jobs.source.source import AUTO, Raster, Source
+from uavseg.jobs.source.source import AUTO, Raster, Source, flattened
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.features import Feature, alike, features_of, weighted_sum
@@ -351,15 +351,22 @@ def color_sources(raster: Raster, grey: GreySource, bands: Sequence[int | str], 
 
 
 def band_sources(raster: Raster, bands: Sequence[int | str], tile_pass: TilePass) -> list[GreySource]:
-    """Return each band as grey, by the stretch of the raster, fitted to it; of many, by quantiles."""
-    dataset, nodata = raster.cleaned(tile_pass), raster.options.nodata
+    """Return each band as grey, by the stretch of the raster, fitted to it; of many, by quantiles.
+
+    Where slow light is to be taken away, that of each band; a ParameterError refuses that for many.
+    """
+    dataset, nodata, length = raster.cleaned(tile_pass), raster.options.nodata, raster.options.flat_field
     spec = raster.options.spec or AUTO
     stack = stacked(dataset, bands, nodata) if len(bands) > MOST_UNCHOSEN else None
     if stack is None:
         datasets = [dataset.of_band(band, nodata) for band in bands]
     else:
+        if length is not None:
+            most = f"slow light is taken away from {MOST_UNCHOSEN} bands at most"
+            raise ParameterError(f"{most}; choose some, or leave flatten out")
         choices = [replace(stack.choice, bands=(number,), stacked=False) for number in stack.bands]
         datasets = [replace(stack, choice=choice) for choice in choices]
         if spec == AUTO:
             return list(map(GreySource, datasets, spread_stretches(stack, tile_pass)))
-    return [GreySource(one, fit_stretch(one, spec, tile_pass)) for one in datasets]
+    sources = [GreySource(one, fit_stretch(one, spec, tile_pass)) for one in datasets]
+    return sources if length is None else [flattened(one, length, tile_pass) for one in sources]
