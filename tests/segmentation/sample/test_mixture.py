@@ -88,6 +88,18 @@ def test_a_sample_of_which_a_tenth_is_wrong_still_finds_its_kind() -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_sample_of_a_rare_kind_that_is_not_wanted_finds_no_more_of_the_rest(seed: int) -> None:
+    """A sixth of the sample is of the most frequent kind, which no sample shows otherwise."""
+    frequent = clouds(seed, [[2.0, 0.0], [2.0, 0.0], [0.0, 2.5]])
+    wanted, rare = (np.random.default_rng(seed).normal(at, 0.2, (n, 2)) for at, n in ((-2, 200), (4, 20)))
+    points = np.concatenate([frequent, wanted, rare])
+    sample = np.concatenate([wanted[:100], frequent[:20]])
+    for unlike in (None, rare):
+        similarity = SampleVote.of(fit_mixtures(points), sample, unlike).similarity(points)
+        assert similarity[1200:1400].mean() > 0.8 > 0.2 > np.delete(similarity, np.s_[1200:1400]).mean()
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> None:
     """One point in 200, beside a kind that none of the mixtures parts from it."""
     rng = np.random.default_rng(seed)

@@ -241,9 +241,13 @@ def _trimmed(similarity: Points) -> float:
 
 def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
     """Return the share of each component that is of the class of one sample and not of another one."""
-    # Components that neither has, and the raster has, are of a third class.
+    # Components that neither has, and the raster has, are of a third class. As far as both do not show what
+    # the raster has, it is the background too, as of one sample: to say what is not wanted is no reason to
+    # find more of what was not shown.
     one, other = memberships.mean(1), others.mean(1)
-    return np.asarray(one / (one + np.maximum(other, _ELSEWHERE * mixture.shares) + RARE))
+    shown = min(float(np.minimum(np.maximum(one, other), mixture.shares).sum()), 1.0)
+    against_other = one / (one + np.maximum(other, _ELSEWHERE * shown * mixture.shares) + RARE)
+    return np.asarray(_purities(mixture, memberships) ** (1 - shown) * against_other)
 
 
 def _purities(mixture: Mixture, memberships: Points) -> Points:
