@@ -15,14 +15,15 @@ from qgis.core import (
     QgsPoint,
     QgsWkbTypes,
 )
-from qgis.PyQt.QtCore import QVariant
+from qgis.PyQt.QtCore import QMetaType, QVariant
 
+_TYPES = QVariant if hasattr(QVariant, "Int") else QMetaType.Type  # of Qt 5, Qt 6
 LEG_FIELDS = QgsFields()
 for _name, _type in (
-    ("flight", QVariant.Int),
-    ("leg", QVariant.Int),
-    ("from_m", QVariant.Double),
-    ("to_m", QVariant.Double),
+    ("flight", _TYPES.Int),
+    ("leg", _TYPES.Int),
+    ("from_m", _TYPES.Double),
+    ("to_m", _TYPES.Double),
 ):
     LEG_FIELDS.append(QgsField(_name, _type))
 WGS84 = (QgsWkbTypes.LineString, QgsCoordinateReferenceSystem("EPSG:4326"))

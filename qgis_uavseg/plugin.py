@@ -36,7 +36,11 @@ class UavsegPlugin:
     def initGui(self) -> None:
         """Add the algorithms and what the desktop shows."""
         from qgis.PyQt.QtGui import QIcon
-        from qgis.PyQt.QtWidgets import QAction
+
+        try:
+            from qgis.PyQt.QtGui import QAction
+        except ImportError:  # of Qt 5
+            from qgis.PyQt.QtWidgets import QAction
 
         from .options_page import OptionsFactory
         from .provider import ICON
