@@ -35,6 +35,21 @@ def test_help_names_every_command() -> None:
         assert all(f"  {command}  " in result.stdout for command in COMMANDS)
 
 
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("extrakt", "extract"), ("mtach", "match"), ("nextview", "next-view"), ("Plan", "plan")],
+)
+def test_a_name_that_is_nearly_a_command_is_answered_by_it(word: str, meant: str) -> None:
+    result = CliRunner().invoke(main, [word, "tile.tif"])
+    assert result.exit_code == 2 and f"No such command '{word}'. Did you mean '{meant}'?" in result.stderr
+
+
+def test_a_name_like_no_command_is_refused() -> None:
+    result = CliRunner().invoke(main, ["zzzzzz"])
+    assert result.exit_code == 2 and "No such command 'zzzzzz'." in result.stderr
+    assert "Did you mean" not in result.stderr
+
+
 @pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command: str) -> None:
     result = CliRunner().invoke(main, [command, "--help"])

@@ -18,10 +18,12 @@ def command(options: MapOptions) -> None:
     """
     from uavseg.jobs.web_map.content import FieldMapRequest, field_map
     from uavseg.plot.web.field_map import PageFile
+    from uavseg.raster.read.source_list import stem_of
 
     reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
-    output, rasters, overwrite = options.output, options.source.rasters, options.files.overwrite
+    rasters, overwrite = options.source.rasters, options.files.overwrite
+    output = options.output or f"{stem_of(rasters[0])}.map.html"
     page = PageFile.prepared(output, overwrite, rasters, options.regions, options.mission, options.camera)
     source = page.open_source(rasters, options.read)
     found = field_map(source, request, work_of(options.run, reporter))
@@ -29,7 +31,7 @@ def command(options: MapOptions) -> None:
     reporter.finish(notes)
     rows, cols = found.image.shape
     reporter.table(
-        page=f"{size / 1e6:.2f} MB -> {options.output}",
+        page=f"{size / 1e6:.2f} MB -> {output}",
         picture=f"{cols} x {rows} pixels",
         intensity=f"{found.info.band_names}, stretch {found.info.stretch.name}",
         regions="-" if page.regions is None else f"{len(page.regions['features']):,}",

@@ -70,7 +70,7 @@ class ClassifyOptions(TiledJobOptions):
     )
     min_area: float | str | None = option(
         "Drop objects of less; states stay as they are.",
-        metavar="M2|Npx",
+        metavar="M2|Nha|Npx",
         basic=True,
         label="Smallest object (m², or cells as 5px)",
     )
@@ -163,7 +163,9 @@ class DescribeOptions(TiledJobOptions):
     raster: str | None = option("Of REGIONS: measure texture and bands too.", metavar="RASTER", basic=True)
     layer: str | None = option("The layer of REGIONS, if the file has several.", metavar="NAME")
     gap: float = option("Of MAP: join objects nearer than this.", default=0.0, metavar="METRES", basic=True)
-    min_area: float | str | None = option("Of MAP: leave out objects of less.", metavar="M2|Npx", basic=True)
+    min_area: float | str | None = option(
+        "Of MAP: leave out objects of less.", metavar="M2|Nha|Npx", basic=True
+    )
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, "index", "expr", "band_names", **MAP_STRETCH)
 
 

@@ -76,7 +76,14 @@ class MapOptions(Options):
         metavar="NAME|FILE.json",
         basic=True,
     )
-    output: Any = option("The page.", "-o", "--output", required=True, metavar="PATH.html", basic=True)
+    output: Any = option(
+        "The page.  [default: STEM.map.html here]",
+        "-o",
+        "--output",
+        metavar="PATH.html",
+        python=False,
+        basic=True,
+    )
     size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)

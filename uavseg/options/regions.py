@@ -82,13 +82,13 @@ class SizeOptions(Options):
     )
     min_area: float | str | None = option(
         "Drop regions of less, after holes are filled.",
-        metavar="M2|Npx",
+        metavar="M2|Nha|Npx",
         basic=True,
         label="Smallest area (m², or pixels as 50px)",
     )
     fill_holes: float | str | None = option(
         "Fill holes of less, before small regions are dropped.",
-        metavar="M2|Npx",
+        metavar="M2|Nha|Npx",
         basic=True,
         label="Fill holes up to (m², or pixels as 50px)",
     )
@@ -205,7 +205,7 @@ class CompareOptions(TiledJobOptions):
         shown="tv; none for classes",
     )
     min_area: float | str | None = option(
-        "Leave out changes of less; the sums count them.", metavar="M2|Npx", basic=True
+        "Leave out changes of less; the sums count them.", metavar="M2|Nha|Npx", basic=True
     )
     output: str = output_option(
         "The changes: .geojson, .gpkg, .fgb, .parquet, .shp or .kml; - is GeoJSON on stdout.", "PATH"

@@ -70,13 +70,19 @@ def dropped(text: str, pixels: float) -> list[str]:
         ("12 PX", Area(12, True)),
         ("0", Area(0)),
         ("1e4", Area(10_000)),
+        ("4 m2", Area(4)),
+        ("1ha", Area(10_000)),
+        ("0.5 HA", Area(5_000)),
+        ("2km2", Area(2_000_000)),
     ],
 )
 def test_areas_are_square_metres_or_pixels(text: str, area: Area) -> None:
     assert as_area(text) == area
 
 
-@pytest.mark.parametrize("text", ["", "px", "-1", "-1px", "nan", "inf", "4 m2", "1,5"])
+@pytest.mark.parametrize(
+    "text", ["", "px", "-1", "-1px", "nan", "inf", "4 m", "4 m3", "ha", "-1ha", "1,5", "1hapx"]
+)
 def test_a_text_that_is_not_an_area_is_refused(text: str) -> None:
     with pytest.raises(ParameterError, match="an area is"):
         as_area(text)

@@ -1,7 +1,7 @@
 """Georeferenced grid: a shape, an affine transform and a CRS; lengths in metres or in pixels."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -49,16 +49,21 @@ def as_length(given: "Length | float | str | None") -> Length | None:
     """Return a length in metres, or of text such as "8px"; None for None; ParameterError if not above 0."""
     if given is None or isinstance(given, Length):
         return given
-    return Length(*parse_size(given, "a detail or a width is metres such as 2.5, or pixels such as 8px"))
+    expected = "a detail or a width is metres such as 2.5, or pixels such as 8px"
+    return Length(*parse_size(given, expected, {"m": 1.0}))
 
 
-def parse_size(given: float | str, expected: str) -> tuple[float, bool]:
-    """Parse a number, or text, and whether it ends in px; a ParameterError says what is `expected`."""
+def parse_size(given: float | str, expected: str, units: Mapping[str, float]) -> tuple[float, bool]:
+    """Parse a number, or text that may end in one of the units or in px, and whether it does in px.
+
+    A ParameterError says what is `expected`.
+    """
     if not isinstance(given, str):
         return float(given), False
     number = given.strip().lower()
+    unit = next((name for name in ("px", *units) if number.endswith(name)), "")
     try:
-        return float(number.removesuffix("px")), number.endswith("px")
+        return float(number.removesuffix(unit)) * units.get(unit, 1.0), unit == "px"
     except ValueError as error:
         raise ParameterError(f"{expected}, not {given!r}") from error
 

@@ -21,8 +21,8 @@ class Area:
 
     Examples
     --------
-    >>> as_area("64px")
-    Area(value=64.0, in_pixels=True)
+    >>> as_area("64px"), as_area("0.5 ha")
+    (Area(value=64.0, in_pixels=True), Area(value=5000.0, in_pixels=False))
     """
 
     value: float
@@ -34,10 +34,11 @@ class Area:
 
 
 def as_area(given: float | str | None) -> Area | None:
-    """Parse an area: square metres, or pixels as text with the suffix px; None for None."""
+    """Parse an area: square metres, or text that ends in m2, ha, km2 or px (pixels); None for None."""
     if given is None:
         return None
-    return Area(*parse_size(given, "an area is square metres such as 500, or pixels such as 64px"))
+    expected = "an area is square metres such as 500, hectares such as 0.5ha, or pixels such as 64px"
+    return Area(*parse_size(given, expected, {"km2": 1e6, "m2": 1.0, "ha": 1e4}))
 
 
 def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
