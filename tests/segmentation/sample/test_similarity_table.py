@@ -14,7 +14,7 @@ BINOMIAL = np.outer([1, 4, 6, 4, 1], [1, 4, 6, 4, 1])
 
 @given(
     hnp.arrays(np.uint16, (9, 11), elements=st.integers(0, 65535)),
-    hnp.arrays(np.uint8, (9, 11), elements=st.integers(0, 1)),
+    st.one_of(st.just(np.ones((9, 11), np.uint8)), hnp.arrays(np.uint8, (9, 11), elements=st.integers(0, 1))),
 )
 @settings(max_examples=50)
 def test_the_blur_is_the_weighted_mean_of_valid_pixels(
@@ -45,6 +45,19 @@ def test_a_kind_of_three_is_likely_and_the_others_are_not(bands: int) -> None:
     assert (found[1] >= 32768).mean() > 0.98
     assert (found[[0, 2]] >= 32768).mean() < 0.02
     assert table.sample_mean > 0.8 and table.raster_mean == pytest.approx(found.mean() / 65535)
+
+
+@given(st.integers(0, 1000), st.sampled_from([1, 2, 3]))
+@settings(max_examples=20)
+def test_bands_are_looked_up_by_the_bin_that_each_lies_in(seed: int, bands: int) -> None:
+    raster, sample = colors(seed, bands)
+    table, bins = SimilarityTable.fit(raster, sample), {1: 4096, 2: 512, 3: 64}[bands]
+    planes = np.random.default_rng(seed).integers(0, 65536, (bands, 3, 5)).astype(np.uint16)
+    found = table.apply(list(planes))
+    for r, c in np.ndindex(3, 5):
+        places = (planes[:, r, c] - table.lows) * table.scales
+        cube = table.similarity.reshape((bins,) * bands)
+        assert found[r, c] == cube[tuple(np.clip(places, 0, bins - 1).astype(int))]
 
 
 def test_bands_that_are_scaled_or_moved_change_little() -> None:

@@ -171,15 +171,16 @@ def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePas
 def _sum_tile(source: GreySource, edges: EdgeTable) -> tuple[NDArray[np.int64], components.Sums | None]:
     """Return the labels in a tile, and the sums of each over its valid pixels; None without labels."""
     window, image = edges.window, edges.rasterise()
-    labels = np.unique(image).astype(np.int64)
-    labels = labels[labels > 0]
+    present = np.zeros(int(image.max()) + 1, bool)
+    present[image] = True
+    present[0] = False
+    labels = np.flatnonzero(present)
     if len(labels) == 0:
         return labels, None
     tile = source.read(window, 0, excess=True)
     inner = (slice(window.rows), slice(window.cols))
-    numbers = np.searchsorted(labels, image) + 1
-    numbers[(image == 0) | (tile.valid[inner] == 0)] = 0
-    names = numbers.astype(np.uint32)
+    names = np.cumsum(present, dtype=np.uint32)[image]
+    names[tile.valid[inner] == 0] = 0
     sums = components.component_sums(names, len(labels), np.ascontiguousarray(tile.grey[inner]))
     return labels, components.with_excess(sums, names, None if tile.excess is None else tile.excess[inner])
 

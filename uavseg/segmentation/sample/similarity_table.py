@@ -6,6 +6,7 @@ single pixels and leaves edges where they are. Of more than three bands, three l
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.sample.mixture import Points, SampleVote, sample_votes
-from uavseg.units import GREY_MAX
+from uavseg.units import GREY_LEVELS, GREY_MAX
 
 BLUR_HALO = 2  # pixels
 _BINS = {1: 4096, 2: 512, 3: 64}  # along each of so many axes
@@ -125,9 +126,20 @@ class SimilarityTable:
         """Look up the similarity of the pixels of blurred bands, each (M, N)."""
         stacked = np.stack(planes)
         result = np.empty(stacked.shape[1:], np.uint16)
-        bins = _BINS[len(self.weights)]
-        _look_up(stacked, self.weights, self.lows, self.scales, bins, self.similarity, result)
+        if np.array_equal(self.weights, np.eye(len(stacked))):
+            _look_up_bands(stacked, self._starts, self.similarity, result)
+        else:
+            bins = _BINS[len(self.weights)]
+            _look_up(stacked, self.weights, self.lows, self.scales, bins, self.similarity, result)
         return result
+
+    @cached_property
+    def _starts(self) -> NDArray[np.uint32]:
+        """What each grey of each axis adds to the index of the table: (axes, 65536)."""
+        bins, greys = _BINS[len(self.lows)], np.arange(GREY_LEVELS)
+        places = np.clip((greys - self.lows[:, None]) * self.scales[:, None], 0, bins - 1).astype(np.uint32)
+        strides = bins ** np.arange(len(places))[::-1]
+        return places * strides[:, None].astype(np.uint32)
 
 
 @dataclass(frozen=True)
@@ -188,7 +200,7 @@ def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.ui
     """
     rows, cols = (max(length - 2 * BLUR_HALO, 0) for length in grey.shape)
     means = np.empty((rows, cols), np.uint16)
-    sums, counts = np.empty((2, grey.shape[1]), np.int64)
+    sums, counts = np.empty((2, grey.shape[1]), np.uint32)
     _blur(grey, valid, sums, counts, means)
     return means
 
@@ -230,22 +242,36 @@ def _project(colors: NDArray[np.uint16], weights: Points) -> Points:
     return np.stack(parts, 1)
 
 
-@kernel("void(u2[:,::1], u1[:,::1], i8[::1], i8[::1], u2[:,::1])")
+@kernel("void(u2[:,::1], u1[:,::1], u4[::1], u4[::1], u2[:,::1])")
 def _blur(grey, valid, sums, counts, means):  # type: ignore[no-untyped-def]
     rows, cols = means.shape
+    four, six = np.uint32(4), np.uint32(6)
     for r in range(rows):
-        for c in range(cols + 4):
-            total, count = np.int64(0), np.int64(0)
-            for k in range(5):
-                weight = np.int64(6 if k == 2 else (4 if k == 1 or k == 3 else 1))
-                if valid[r + k, c]:
-                    total += weight * np.int64(grey[r + k, c])
-                    count += weight
-            sums[c], counts[c] = total, count
+        sums[:], counts[:] = 0, 0
+        for k in range(5):
+            weight = six if k == 2 else (four if k == 1 or k == 3 else np.uint32(1))
+            for c in range(cols + 4):
+                share = weight * np.uint32(valid[r + k, c] != 0)
+                sums[c] += share * np.uint32(grey[r + k, c])
+                counts[c] += share
         for c in range(cols):
-            total = sums[c] + sums[c + 4] + 4 * (sums[c + 1] + sums[c + 3]) + 6 * sums[c + 2]
-            count = counts[c] + counts[c + 4] + 4 * (counts[c + 1] + counts[c + 3]) + 6 * counts[c + 2]
-            means[r, c] = total // count if count else 0
+            total = sums[c] + sums[c + 4] + four * (sums[c + 1] + sums[c + 3]) + six * sums[c + 2]
+            count = counts[c] + counts[c + 4] + four * (counts[c + 1] + counts[c + 3]) + six * counts[c + 2]
+            if count == 256:  # all are valid
+                means[r, c] = total >> np.uint32(8)
+            else:
+                means[r, c] = total // count if count else 0
+
+
+@kernel("void(u2[:,:,::1], u4[:,::1], u2[::1], u2[:,::1])")
+def _look_up_bands(planes, starts, similarity, result):  # type: ignore[no-untyped-def]
+    bands, rows, cols = planes.shape
+    for r in range(rows):
+        for c in range(cols):
+            index = np.int64(0)
+            for band in range(bands):
+                index += starts[band, planes[band, r, c]]
+            result[r, c] = similarity[index]
 
 
 @kernel("void(u2[:,:,::1], f8[:,::1], f8[::1], f8[::1], i8, u2[::1], u2[:,::1])")
