@@ -96,7 +96,10 @@ def test_what_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None
         {"pattern": "orbit"},
         {"pattern": "perimeter"},
         {"pattern": "survey", "spacing_m": 30.0},
-        {"pattern": "survey", "spacing_m": 30.0, "how": SurveyParams(margin_m=20.0)},
+        pytest.param(
+            {"pattern": "survey", "spacing_m": 30.0, "how": SurveyParams(margin_m=20.0)},
+            marks=pytest.mark.thorough,
+        ),
         {"pattern": "corridor", "spacing_m": 100.0},
     ],
 )

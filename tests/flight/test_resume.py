@@ -162,8 +162,15 @@ def test_all_is_photographed_and_one_photograph_at_most_twice(survey: Mission) -
     check_cuts(survey, Random(2).sample(range(len(stops_of(survey))), 6))
 
 
+LONG = ("angles", "hover", "px4 hover")  # surveys of many legs
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("survey", SURVEYS, indirect=True)
+@pytest.mark.parametrize(
+    "survey",
+    [pytest.param(name, marks=[pytest.mark.thorough] * (name in LONG)) for name in SURVEYS],
+    indirect=True,
+)
 def test_so_it_is_after_a_cut_on_any_leg(survey: Mission) -> None:
     check_cuts(survey, range(len(stops_of(survey))))
 

@@ -341,6 +341,7 @@ def panel(path: Path, number: int, count: int) -> NDArray[np.int64]:
     return pixels[:, (number - 1) * step :][:, :step]
 
 
+@pytest.mark.slow
 def test_each_answer_is_drawn_as_it_is_alone(slope: Path, tmp_path: Path) -> None:
     """Regions are the same bytes with the picture, whose parts are pictures of the answers one by one."""
     sample = ("--like", f"{1000 + ROOFS[0][1]},{1000 - ROOFS[0][0]},8")

@@ -87,7 +87,10 @@ def test_mavsdk_takes_a_mission_and_a_fence_over_tcp() -> None:
         sent_and_read(fenced(survey(30)), f"tcp:{LOOPBACK}:{port}", taken)
 
 
-@pytest.mark.parametrize(("loss", "count"), [(0.0, 500), (0.05, 200), (0.2, 100)])
+@pytest.mark.parametrize(
+    ("loss", "count"),
+    [(0.0, 500), pytest.param(0.05, 200, marks=pytest.mark.thorough), (0.2, 100)],
+)
 def test_mavsdk_takes_all_items_whatever_is_lost(loss: float, count: int) -> None:
     port = free_port()
     with (
