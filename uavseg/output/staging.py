@@ -63,10 +63,7 @@ class Stage:
         return folder
 
     def remove(self) -> None:
-        """Remove the folder with all that is in it.
-
-        It stays locked until it is gone: another run that has just made it would lock it and lose its files.
-        """
+        """Remove the folder; locked until it is gone, or another run would lock it and lose its files."""
         _open_stages.discard(os.path.realpath(self.folder))
         if os.name == "nt":  # where open files are not removed
             os.close(self.lock)
@@ -147,8 +144,7 @@ def _is_same(descriptor: int, name: Path) -> bool:
 
 # Windows has no SIGHUP.
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-holding = threading.RLock()
-"""Held during what must not stop half way."""
+holding = threading.RLock()  # held during what must not stop half way
 _ends_by_signals = False
 
 

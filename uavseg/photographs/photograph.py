@@ -13,8 +13,7 @@ import numpy as np
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 
-HORIZON_DEG = 88.0
-"""Rays that are farther from straight down are taken to reach no ground."""
+HORIZON_DEG = 88.0  # rays that are farther from straight down are taken to reach no ground
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

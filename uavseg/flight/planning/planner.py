@@ -13,7 +13,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.cover.survey import Survey
 from uavseg.flight.mission import items
 from uavseg.flight.mission.duration import CALM
-from uavseg.flight.mission.mission import NEARLY_CONVEX, Mission, Position, SurveyBlock
+from uavseg.flight.mission.mission import NEARLY_CONVEX, Mission, SurveyBlock
 from uavseg.flight.mission.track import Plane, Track, plane_around
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
@@ -33,10 +33,7 @@ NEIGHBOURS = 1.05  # spacings between lines of one block, at most
 def plane_of(
     polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: items.HomePosition
 ) -> Plane:
-    """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
-
-    The polygons are in degrees (lon, lat); `points` are one inside each.
-    """
+    """Return the local plane of regions (lon, lat), with points inside; refuse those not near home."""
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     items.check_position(south, west, "a region")
@@ -58,10 +55,7 @@ def plane_of(
 def region_parts(
     regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]
 ) -> list[RegionPart]:
-    """Return the connected parts of regions, each with the given point if it lies inside, else another one.
-
-    The regions are in metres, the points degrees (lon, lat).
-    """
+    """Return the connected parts of regions in metres, each with its point (lon, lat) or one inside."""
     parts = []
     places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
     for region, (x, y) in zip(regions, places, strict=True):
@@ -181,10 +175,7 @@ def plan_missions(
 
 
 def check_regions(count: int, params: PlanParams) -> None:
-    """Refuse more regions than can be ordered, before any work (MissionError).
-
-    Perimeters inside of regions are counted later: small regions have none.
-    """
+    """Refuse more regions than can be ordered, before any work (MissionError); perimeters count later."""
     if not (isinstance(params.how, PerimeterParams) and params.how.offset_m < 0):
         check_order(count)
 
@@ -217,11 +208,7 @@ def _reachable(candidates: patterns.Candidates, home: Floats, keep_out: KeepOut)
 
 
 def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParams) -> tuple[SurveyBlock, ...]:
-    """Return the runs of neighbouring lines of surveys, with the positions of their waypoints in the mission.
-
-    Surveys whose lines have straight legs before and after them have none, nor have those that are not
-    photographed by distance: a ground station would fly them differently.
-    """
+    """Return runs of lines that are triggered by distance and have no leads, with places of waypoints."""
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()
     return tuple(
@@ -279,6 +266,6 @@ def _outline(lines: Floats) -> Floats:
     return corners
 
 
-def _positions(xy: Floats, plane: Plane) -> tuple[Position, ...]:
+def _positions(xy: Floats, plane: Plane) -> tuple[items.Position, ...]:
     lon, lat = plane.lonlat_from_xy(*xy.T)
     return tuple(map(tuple, np.round(np.column_stack([lat, lon]), items.DEGREE_DECIMALS).tolist()))

@@ -33,10 +33,7 @@ Home = tuple[float, ...] | Literal["auto"]
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """How to fly, from where, and over which of the regions.
-
-    A ParameterError says that a class is to be flown over and kept out of.
-    """
+    """How to fly, from where and over what; ParameterError for a class to fly over and keep out of."""
 
     flight: PlanParams
     home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones

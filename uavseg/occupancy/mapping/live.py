@@ -237,10 +237,7 @@ class LiveSegmentation:
         return interval
 
     def block_map(self) -> BlockMap:
-        """Return the block map with every R, which answers any other question too.
-
-        R are measured for the blocks that have changed since the last call.
-        """
+        """Return the block map with every R, measured for blocks that changed since the last call."""
         self.settle()
         for part, valid in self._by_validity(self._stale):
             ratios = block_ratios(self._grey_map.grey, valid, self.bin_edges, part * BLOCK)

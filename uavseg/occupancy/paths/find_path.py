@@ -56,10 +56,7 @@ NearestCell = tuple[float, int, float, float]
 
 @dataclass(frozen=True)
 class FreeCells:
-    """The free cells of a map whose regions are known: in a region, and with their value in range.
-
-    The mean of a block hides walls that are a cell or two thin, so a region alone is not passable throughout.
-    """
+    """Cells of a map in a region, and in range: means of blocks hide walls of a cell or two."""
 
     source: GreySource  # the map
     rings: Rings  # outlines of its regions
@@ -89,11 +86,7 @@ class FreeCells:
         return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
     def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Mask, int]:
-        """Return the free cells of some regions.
-
-        These are the smallest window that holds the regions, a mask (rows, cols), and the number of cells of
-        the regions whose value is out of the range.
-        """
+        """Return window and mask (rows, cols) of free cells of regions, and how many are out of range."""
         rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
         bottom, right = rings.vertices.max(axis=0).tolist()
@@ -199,11 +192,7 @@ def why_closed(
     sides: tuple[float, float],
     clearance_m: float,
 ) -> str:
-    """Explain where the path between two free cells is closed, and which option would open it.
-
-    `ends` are start and goal, `sides` width and height of a cell in metres. `mask` (rows, cols) are the free
-    cells of the regions of both ends, in `window` of the map.
-    """
+    """Explain where the way between two free cells of a mask is closed, and which option opens it."""
     offset = np.array([window.row, window.col])
     start, goal = ((end.cell[0] - window.row, end.cell[1] - window.col) for end in ends)
     if clearance_m > 0:

@@ -379,10 +379,7 @@ def is_pgm(path: str | os.PathLike[str]) -> bool:
 
 
 def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
-    """Read the samples of a PGM, and the sample that stands for white.
-
-    They are (rows, cols), not negative; those above the maximum are white too.
-    """
+    """Read the samples (rows, cols) of a PGM, and the one from which on they are white."""
     content = read_bytes(path, limit=MAX_BYTES)
     header = _HEADER.match(content)
     if header is None:

@@ -216,10 +216,7 @@ def check_metres(geobox: GeoBox) -> None:
 
 
 def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
-    """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
-
-    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
-    """
+    """Return the mask (rows, cols) of pixels whose centres lie in polygons in pixel corners (col, row)."""
     from rasterio.features import geometry_mask
 
     shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)

@@ -166,11 +166,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Band arithmetic, checked and ready to be computed chunk by chunk.
-
-    Every step is one function of numpy in double precision, in the order in which it is written, so neither
-    tiles nor threads change a bit.
-    """
+    """Band arithmetic that is checked; steps of numpy in doubles, whatever the tiles and threads."""
 
     text: str
     bands: tuple[int, ...]  # those that it uses, counted from 1, in the order of their first use

@@ -273,10 +273,7 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
 
 
 def is_cut_off(source: DatasetReader, bands: Sequence[int], size: int, row: int, col: int) -> bool:
-    """Return whether a block of an open TIFF begins beyond its end, at a size in bytes, in one of some bands.
-
-    An interrupted download leaves such a file.
-    """
+    """Return whether, at a size in bytes, a block of some bands begins beyond the end of a TIFF."""
     name = f"BLOCK_OFFSET_{col}_{row}"
     return any(int(source.get_tag_item(name, "TIFF", bidx=band) or 0) >= size for band in bands)
 

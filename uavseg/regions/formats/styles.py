@@ -32,10 +32,7 @@ _CREATE = f"""CREATE TABLE {STYLE_TABLE} (
 
 
 def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
-    """Return the column by which regions are coloured, and its values with colours; None for one colour.
-
-    Classes without a colour get colours from a palette, in the order of their names.
-    """
+    """Return the column that colours regions, with colours of its values; None for one colour."""
     if "class" in regions.columns:
         classes = regions.columns["class"].tolist()
         given = regions.columns["color"].tolist() if "color" in regions.columns else ()
