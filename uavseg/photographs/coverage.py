@@ -240,7 +240,7 @@ def planned_photographs(
 
 
 def _lines(xy: Floats, along: Floats, pitch: Floats, single: Bools) -> tuple[Integers, Floats]:
-    """Number lines, and return distances to the nearest on them, (n,) each; single ones get the direction."""
+    """Return line numbers and distances to the nearest on the line, (n,); turns `along` of single ones."""
     line, step_m = np.zeros(len(xy), int), np.full(len(xy) + 1, np.inf)
     for k in range(1, len(xy)):
         step = xy[k] - xy[k - 1]
@@ -375,7 +375,7 @@ def _overlaps(outlines: Objects, line: Integers, pairs: Integers) -> Overlaps:
 def _blurred(
     photographs: Sequence[Photograph], outlines: Objects, taken: Floats, plan: Planned, match: Integers
 ) -> tuple[tuple[str, ...], int]:
-    """Return names of those that motion blurs, by their speed or the line's, and how many are not known."""
+    """Return the names of photographs that motion blurs, and of how many it is not known."""
     tags = [(one.taken_s, one.exposure_s, one.speed_m_s, math.prod(one.image_px)) for one in photographs]
     taken_s, exposure_s, speed_m_s, pixels = np.array(tags, float).T
     for one in () if plan.is_hovering else np.unique(plan.line).tolist():

@@ -23,7 +23,7 @@ _NO_DATE = (1980, 1, 1, 0, 0, 0)  # the same mission gives the same bytes
 
 
 def write_kmz(mission: Mission, options: FileOptions) -> bytes:
-    """Write a mission as a .kmz file; MissionError if format or aircraft, as by its camera, cannot fly it."""
+    """Write a mission as a .kmz file; MissionError if the format or the aircraft, or its camera, cannot."""
     wayline = wayline_of(mission, NAME)
     wpml.check_wayline(wayline, NAME)
     _check_camera(mission, options.model)

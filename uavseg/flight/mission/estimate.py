@@ -124,7 +124,7 @@ class _Walk:
 
 
 def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPath:
-    """Return the legs of a mission as flown; in a wind from anywhere, with the times that are longest."""
+    """Return the legs of a mission as flown; in a wind from anywhere, with times of the longest flight."""
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""

@@ -160,7 +160,7 @@ class Mission:
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:
-        """Requested speed on the leg to each position; before any item sets one, that of the first."""
+        """Speed over ground asked for on the leg to each position; before an item sets one, the first."""
         speed, speeds = self.speed_m_s, []
         for item in self.items:
             if item.command == mav.CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:

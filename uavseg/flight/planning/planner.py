@@ -33,7 +33,7 @@ NEIGHBOURS = 1.05  # spacings between lines of one block, at most
 def plane_of(
     polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: items.HomePosition
 ) -> Plane:
-    """Return the local plane of regions (lon, lat), with points inside; refuse those not near home."""
+    """Return the local plane of regions (lon, lat), with a point inside of each; refuse those far away."""
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     items.check_position(south, west, "a region")
@@ -208,7 +208,7 @@ def _reachable(candidates: patterns.Candidates, home: Floats, keep_out: KeepOut)
 
 
 def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParams) -> tuple[SurveyBlock, ...]:
-    """Return runs of lines that are triggered by distance and have no leads, with places of waypoints."""
+    """Return runs of neighbouring lines, triggered by distance and without leads, and their waypoints."""
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()
     return tuple(

@@ -172,7 +172,7 @@ MIN_LEG_M = 0.7  # a little more than the shortest leg that Litchi flies, 0.6 m
 
 
 def without_short_legs(track: Track, space: FreeSpace) -> Track:
-    """Return a track without transits below 0.7 m where space allows: a corner less, or shorter lines."""
+    """Return a track without transit legs below 0.7 m, where space allows: fewer corners, shorter lines."""
     track, k = replace(track, xy=track.xy.copy()), 1
     while k < len(track.xy) - 1:
         on_line_or_stop = track.is_line[k - 1 : k + 1].any() or track.shots[k] or track.hold_s[k]

@@ -40,7 +40,7 @@ class LinkRequest:
 
 @dataclass(frozen=True)
 class Transferred:
-    """A mission that a vehicle holds, by name and system id, with warnings of it and of the upload."""
+    """A mission that a vehicle holds, as read back; `vehicle` names its autopilot and system id."""
 
     mission: Mission
     vehicle: str

@@ -33,7 +33,7 @@ Home = tuple[float, ...] | Literal["auto"]
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """How to fly, from where and over what; ParameterError for a class to fly over and keep out of."""
+    """How to fly, from where, and over what; ParameterError if a class is flown over and kept out of."""
 
     flight: PlanParams
     home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones

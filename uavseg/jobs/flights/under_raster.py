@@ -71,7 +71,7 @@ def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
 
 
 def valid_ground(source: Source) -> IsGround | None:
-    """Return what reads if a place (lat, lon) is on a valid pixel; None without pixels, or place."""
+    """Return a function that tells if a place (lat, lon) is on a valid pixel; None where none can."""
     pixels = source.raster if isinstance(source, Blocks) else source
     if not isinstance(pixels, Pixels) or pixels.geobox.crs is None:
         return None

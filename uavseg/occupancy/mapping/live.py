@@ -187,10 +187,7 @@ class LiveSegmentation:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Return the cells of the leaves whose mean lies in the range, an (8 B, 8 C) bool array.
-
-        A ParameterError says that this is not a segmentation by a range.
-        """
+        """Return which cells are of leaves in the range, (8 B, 8 C) bool; ParameterError without a range."""
         if not isinstance(self.partition, IntensityRange):
             raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
         return np.asarray(self.intervals == 2)

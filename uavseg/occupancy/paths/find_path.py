@@ -56,7 +56,7 @@ NearestCell = tuple[float, int, float, float]
 
 @dataclass(frozen=True)
 class FreeCells:
-    """Cells of a map in a region, and in range: means of blocks hide walls of a cell or two."""
+    """Cells of a map in a region and in range, as means of blocks hide walls of a cell or two."""
 
     source: GreySource  # the map
     rings: Rings  # outlines of its regions
@@ -328,10 +328,7 @@ def find_path(
     params: PathParams = PathParams(),
     map: Map = serial,
 ) -> PlannedPath:
-    """Find the shortest path between two positions in one region, over cells whose value is in range.
-
-    `start` and `goal` are x and y on the map.
-    """
+    """Find the shortest path between two positions (x, y) in one region, over cells with values in range."""
     first, last = free.place("start", start), free.place("goal", goal)
     if not (first.is_free and last.is_free):
         raise PathError(why_apart(free, first, last, map))

@@ -43,7 +43,7 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
 
 
 def path_to_geojson(path: PlannedPath) -> str:
-    """Write a FeatureCollection of one line, split at the antimeridian, or local without a CRS."""
+    """Write a FeatureCollection of one line in WGS 84, split at the antimeridian, or local without a CRS."""
     properties = {
         "length_m": round(path.length_m, 6),
         "cells": path.cells,

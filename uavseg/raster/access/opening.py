@@ -170,7 +170,7 @@ class OpenFiles:
         return files[path]
 
     def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
-        """Return the blocks that this thread could not read, so that no tile tries them again."""
+        """Return first row and column of blocks that this thread could not read, and does not try again."""
         known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
         known = self._local.__dict__.setdefault("failed", {})
         return known.setdefault((path, bands), set())

@@ -199,10 +199,7 @@ def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, flo
 
 
 def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:
-    """Return a box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
-
-    The centre is in degrees; `bounds` are left, bottom, right and top in metres from it.
-    """
+    """Return a box of one pixel, in metres around a centre in degrees (azimuthal equidistant, WGS 84)."""
     left, bottom, right, top = bounds
     crs = CRS.from_dict(proj="aeqd", lat_0=lat, lon_0=lon, datum="WGS84", units="m")
     return GeoBox((1, 1), Affine(right - left, 0.0, left, 0.0, bottom - top, top), crs)

@@ -45,7 +45,7 @@ class Mosaic:
             yield file, part.relative_to(whole), part.relative_to(window).slices
 
     def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
-        """Yield files with their index in the mosaic as `shape`, perhaps but for those below a pixel."""
+        """Yield files whole with their index in the mosaic at `shape`; those below a pixel perhaps not."""
         scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
         places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
         for file, (row, col, end_row, end_col) in zip(self.files, places.tolist(), strict=True):

@@ -192,10 +192,7 @@ def mask_page(path: str) -> int | None:
 
 
 def strip_rows(path: Path, source: DatasetReader) -> int | None:
-    """Return the rows of a strip of an image of a local TIFF; None if it is stored in tiles.
-
-    `source` is the image, open. A RasterBlockError says that its directory cannot be read.
-    """
+    """Return the rows of a strip of an open TIFF; None for tiles; RasterBlockError without directory."""
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
     try:
         with path.open("rb") as file:

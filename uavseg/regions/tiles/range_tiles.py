@@ -132,7 +132,7 @@ def _with_thin_lines(
 
 
 def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
-    """Refuse a tile, with its halo, of other sums or counts than its job expects (RasterError)."""
+    """Refuse a tile, with halo, whose cells have other sums or counts than its job expects (RasterError)."""
     if job.expected is None:
         return
     sums, counts = cell_sums(tile.grey, tile.valid, REFINE_HALO)
@@ -147,7 +147,7 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
 
 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> components.Sums:
-    """Sum regions over all valid pixels that their outlines enclose, without contrasts."""
+    """Sum each region over all valid pixels that its outlines enclose; contrasts and similarities stay."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts, excess = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
