@@ -228,7 +228,12 @@ class FencePolygon:
             raise MissionError(
                 f"a fence polygon has at least three vertices; this one has {len(set(vertices))}"
             )
-        object.__setattr__(self, "vertices", _clockwise(vertices))
+        first = vertices[0][1]  # longitudes near to it, also over the antimeridian
+        ring = shapely.LinearRing([(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices])
+        if not ring.is_simple:
+            raise MissionError("the outline of a fence polygon crosses or touches itself")
+        clockwise = (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices  # as seen from above
+        object.__setattr__(self, "vertices", clockwise)
 
     @property
     def positions(self) -> tuple[Position, ...]:
@@ -281,12 +286,3 @@ class RallyPoint:
 
 
 Fence = FencePolygon | FenceCircle
-
-
-def _clockwise(vertices: tuple[Position, ...]) -> tuple[Position, ...]:
-    """Return the vertices clockwise as seen from above, from the same first one; refuse rings not simple."""
-    first = vertices[0][1]  # longitudes near to it, also over the antimeridian
-    ring = shapely.LinearRing([(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices])
-    if not ring.is_simple:
-        raise MissionError("the outline of a fence polygon crosses or touches itself")
-    return (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices

@@ -73,8 +73,7 @@ class FreeCells:
         if not all(map(isfinite, xy)):
             raise PathError(f"the {name} is two finite numbers, x and y on the map, not {_pair(*xy)}")
         box = self.geobox
-        t = ~box.transform
-        col, row = t.a * xy[0] + t.b * xy[1] + t.c, t.d * xy[0] + t.e * xy[1] + t.f
+        col, row = ~box.transform * xy
         if not (0 <= row < box.shape[0] and 0 <= col < box.shape[1]):
             raise PathError(f"the {name} {_pair(*xy)} lies outside of the map, which has {_extent(box)}")
         here = Window(int(row), int(col), 1, 1)
