@@ -63,7 +63,10 @@ class Stage:
         return folder
 
     def remove(self) -> None:
-        """Remove the folder; locked until it is gone, or another run would lock it and lose its files."""
+        """Remove the folder with all that is in it.
+
+        It stays locked until it is gone: another run that has just made it would lock it and lose its files.
+        """
         _open_stages.discard(os.path.realpath(self.folder))
         if os.name == "nt":  # where open files are not removed
             os.close(self.lock)

@@ -47,7 +47,11 @@ class Edges:
 
 
 def shortest_paths(weights: Floats) -> tuple[Floats, Integers]:
-    """Return lengths and nodes before, (n, n), by weights, infinite for no edge (Floyd and Warshall)."""
+    """Compute the shortest paths between all nodes of a graph (Floyd and Warshall).
+
+    `weights` (n, n) are lengths of edges, infinite where there is none, 0 on the diagonal. The results are
+    the lengths (n, n), and the node before each node (column) on the path from each node (row), (n, n) int64.
+    """
     lengths = np.array(weights, np.float64, order="C")
     before = np.repeat(np.arange(len(lengths), dtype=np.int64)[:, None], len(lengths), axis=1)
     _relax(lengths, before)

@@ -86,7 +86,10 @@ def monotone_cells(polygon: Any, step_m: float = np.inf, detail_m: float = 0.0) 
 
 
 def merge_flat_cells(cells: list[Any], min_m: float) -> list[Any]:
-    """Merge cells less high than a minimum with the neighbour of the longest common edge."""
+    """Merge cells of one polygon less high than a minimum with the neighbour of the longest common edge.
+
+    Lines along x may meet merged cells in two pieces, near an edge that is `min_m` away at most.
+    """
     cells = list(cells)
     grown = list(shapely.buffer(cells, 1e-5))
     while len(cells) > 1:

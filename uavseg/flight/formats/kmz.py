@@ -23,7 +23,10 @@ _NO_DATE = (1980, 1, 1, 0, 0, 0)  # the same mission gives the same bytes
 
 
 def write_kmz(mission: Mission, options: FileOptions) -> bytes:
-    """Write a mission as a .kmz file; MissionError if the format or the aircraft, or its camera, cannot."""
+    """Write a mission as the content of a .kmz file; raise MissionError if DJI's format cannot hold it.
+
+    So it is if the mission is planned for a camera that the aircraft does not carry.
+    """
     wayline = wayline_of(mission, NAME)
     wpml.check_wayline(wayline, NAME)
     _check_camera(mission, options.model)

@@ -38,7 +38,10 @@ class BlockItems:
 
 
 def find_blocks(mission: Mission) -> list[BlockItems]:
-    """Find the blocks of convex cells whose waypoints the mission has with nothing but triggers between."""
+    """Find the blocks whose waypoints are all in the mission, one after another, with nothing but triggers.
+
+    They are in the order of the items, without overlap; of convex cells alone.
+    """
     visits = [number for number, item in enumerate(mission.items) if item.command == mav.WAYPOINT]
     at = [(mission.items[number].lat, mission.items[number].lon) for number in visits]
     result = []

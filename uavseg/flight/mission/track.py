@@ -40,7 +40,11 @@ class Plane:
         return lon, lat
 
     def project_polygons(self, polygons: Sequence[Any] | NDArray[np.object_]) -> NDArray[np.object_]:
-        """Densify polygons (lon, lat) ring by ring, as GEOS was seen to lose holes, and project to metres."""
+        """Densify polygons in degrees (lon, lat) and project them to metres, all at once.
+
+        They are densified ring by ring: what GEOS densifies whole it also makes valid, and a hole that
+        touches the border was seen to be lost.
+        """
         count = len(polygons)
         parts, owners = shapely.get_parts(np.array([*polygons, None], object)[:-1], return_index=True)
         rings, owned = shapely.get_rings(parts, return_index=True)

@@ -33,7 +33,10 @@ NEIGHBOURS = 1.05  # spacings between lines of one block, at most
 def plane_of(
     polygons: Sequence[Any], points: Sequence[tuple[float, float]], home: items.HomePosition
 ) -> Plane:
-    """Return the local plane of regions (lon, lat), with a point inside of each; refuse those far away."""
+    """Return the local plane of regions; refuse regions that are not on Earth, or not near home.
+
+    The polygons are in degrees (lon, lat); `points` are one inside each.
+    """
     bounds = shapely.bounds(shapely.get_parts(np.array(polygons, dtype=object)))
     (west, south), (east, north) = bounds[:, :2].min(axis=0), bounds[:, 2:].max(axis=0)
     items.check_position(south, west, "a region")
@@ -208,7 +211,11 @@ def _reachable(candidates: patterns.Candidates, home: Floats, keep_out: KeepOut)
 
 
 def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParams) -> tuple[SurveyBlock, ...]:
-    """Return runs of neighbouring lines, triggered by distance and without leads, and their waypoints."""
+    """Return the runs of neighbouring lines of surveys, with the positions of their waypoints in the mission.
+
+    Surveys whose lines have straight legs before and after them have none, nor have those that are not
+    photographed by distance: a ground station would fly them differently.
+    """
     if params.spacing_m is None or (params.photos is not None and params.photos.trigger != "distance"):
         return ()
     return tuple(
