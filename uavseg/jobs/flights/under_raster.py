@@ -56,7 +56,10 @@ def without_edge_regions(
 
 
 def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
-    """Return which polygons (lon, lat) come nearer than a pixel to the edge of a raster with a CRS."""
+    """Return which polygons, in degrees (lon, lat; WGS 84), come nearer than a pixel to the edge of a raster.
+
+    They do from either side. Edges of valid pixels inside of a raster do not count. The raster has a CRS.
+    """
     lonlat, owner = shapely.get_coordinates(np.asarray(list(polygons), object), return_index=True)
     x, y = transform_between(WGS84, geobox.wkt)(*lonlat.T)
     t = ~geobox.transform

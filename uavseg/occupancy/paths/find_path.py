@@ -191,7 +191,11 @@ def why_closed(
     sides: tuple[float, float],
     clearance_m: float,
 ) -> str:
-    """Explain where the way between two free cells of a mask is closed, and which option opens it."""
+    """Explain where the path between two free cells is closed, and which option would open it.
+
+    `ends` are start and goal, `sides` width and height of a cell in metres. `mask` (rows, cols) are the free
+    cells of the regions of both ends, in `window` of the map.
+    """
     offset = np.array([window.row, window.col])
     start, goal = ((end.cell[0] - window.row, end.cell[1] - window.col) for end in ends)
     if clearance_m > 0:

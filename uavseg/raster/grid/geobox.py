@@ -199,7 +199,10 @@ def local_geobox(shape: tuple[int, int], cell_m: float, origin: tuple[float, flo
 
 
 def azimuthal_geobox(lat: float, lon: float, bounds: tuple[float, float, float, float]) -> GeoBox:
-    """Return a box of one pixel, in metres around a centre in degrees (azimuthal equidistant, WGS 84)."""
+    """Return a box in metres around a centre: azimuthal equidistant projection (WGS 84), one pixel, north up.
+
+    The centre is in degrees; `bounds` are left, bottom, right and top in metres from it.
+    """
     left, bottom, right, top = bounds
     crs = CRS.from_dict(proj="aeqd", lat_0=lat, lon_0=lon, datum="WGS84", units="m")
     return GeoBox((1, 1), Affine(right - left, 0.0, left, 0.0, bottom - top, top), crs)
@@ -213,7 +216,10 @@ def check_metres(geobox: GeoBox) -> None:
 
 
 def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
-    """Return the mask (rows, cols) of pixels whose centres lie in polygons in pixel corners (col, row)."""
+    """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
+
+    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
+    """
     from rasterio.features import geometry_mask
 
     shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)
