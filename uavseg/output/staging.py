@@ -147,8 +147,7 @@ def _is_same(descriptor: int, name: Path) -> bool:
 
 # Windows has no SIGHUP.
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-holding = threading.RLock()
-"""Held during what must not stop half way."""
+holding = threading.RLock()  # held during what must not stop half way
 _ends_by_signals = False
 
 

@@ -29,14 +29,12 @@ Objects = NDArray[np.object_]
 Overlaps = dict[str, dict[str, float] | None]
 """Median and least share of a footprint that the next one along a line, or the line beside, shows too."""
 
-COVERED = 0.999
-"""Share of the area that photographs have to show."""
+COVERED = 0.999  # share of the area that photographs have to show
 RIM = 0.05  # of a footprint, by which what a mission plans to show is larger than what has to be covered
 SLIVER, LOST = 0.01, 0.0005  # smaller gaps are left out (of a footprint), unless they are more (of the area)
 THIN_M = 0.1  # narrower parts of gaps are left out in the same way
 MAX_PLANNED = 50_000
-PLACES = 30_000
-"""Places in the area at which is counted what photographs show twice and three times."""
+PLACES = 30_000  # places in the area at which is counted what photographs show twice and three times
 _SPREAD = (0.7548776662466927, 0.5698402909980532)  # R2 sequence: evenly spread, and along no line
 _SPARSE = 50  # times as many places are tried where a part is small in its bounds
 _STRAIGHT = math.cos(math.radians(15))
@@ -242,10 +240,7 @@ def planned_photographs(
 
 
 def _lines(xy: Floats, along: Floats, pitch: Floats, single: Bools) -> tuple[Integers, Floats]:
-    """Number the lines of photographs (n,), and return the distance (n,) to the nearest one on the line.
-
-    A single one that ends a line, before the vehicle turns, has the direction of the line; it is changed.
-    """
+    """Return line numbers and distances to the nearest on the line, (n,); turns `along` of single ones."""
     line, step_m = np.zeros(len(xy), int), np.full(len(xy) + 1, np.inf)
     for k in range(1, len(xy)):
         step = xy[k] - xy[k - 1]
@@ -283,11 +278,7 @@ def _turned(offset: Floats, yaw: Floats) -> tuple[Floats, Floats]:
 
 
 def _matched(plan: Planned, taken: Floats, sizes: Floats) -> tuple[Integers, Bools]:
-    """Return the index (n,) of the photograph that was taken for each planned one, -1 for none, and others.
-
-    It is at most half of the distance between photographs away along the line, and a sixth of the diagonal of
-    a footprint, or that, across it. Others (m,) are farther than a footprint from every planned one.
-    """
+    """Return the index (n,) of that taken for each planned one, -1 for none, and which (m,) are near none."""
     match, used = np.full(len(sizes), -1), np.zeros(len(taken), bool)
     others = np.full(len(taken), len(sizes) > 0)
     k, n = shapely.STRtree(shapely.points(taken)).query(shapely.points(plan.xy_m), "dwithin", distance=sizes)
@@ -316,10 +307,7 @@ def _counts(wanted: Any, outlines: Objects) -> Integers:
 
 
 def _gaps(wanted: Any, unseen: Any, outlines: Objects) -> tuple[Objects, float]:
-    """Return the parts of what no photograph shows, largest first, and the area of those left out.
-
-    Parts narrower than `THIN_M` and steps of a centimetre, where footprints almost meet, are smoothed away.
-    """
+    """Return the parts that none shows, largest first and without thin ones, and the area of the rest."""
     opened = shapely.buffer(unseen, -THIN_M / 2, join_style="mitre").buffer(THIN_M / 2, join_style="mitre")
     left = LOST * wanted.area - (unseen.area - opened.area)
     if left < 0:
@@ -387,10 +375,7 @@ def _overlaps(outlines: Objects, line: Integers, pairs: Integers) -> Overlaps:
 def _blurred(
     photographs: Sequence[Photograph], outlines: Objects, taken: Floats, plan: Planned, match: Integers
 ) -> tuple[tuple[str, ...], int]:
-    """Return the names of photographs that motion blurs, and how many cannot be judged.
-
-    A speed that a photograph does not tell is that of its line, without waits, unless the vehicle hovers.
-    """
+    """Return the names of photographs that motion blurs, and of how many it is not known."""
     tags = [(one.taken_s, one.exposure_s, one.speed_m_s, math.prod(one.image_px)) for one in photographs]
     taken_s, exposure_s, speed_m_s, pixels = np.array(tags, float).T
     for one in () if plan.is_hovering else np.unique(plan.line).tolist():

@@ -20,10 +20,8 @@ from uavseg.plain_text import one_line, shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 
 Result = TypeVar("Result")
-BORDER_STEPS = 16
-"""Places per side of an image whose ground is computed over an elevation model."""
-DOUBT = 0.2
-"""Share by which two heights above the ground may differ."""
+BORDER_STEPS = 16  # places per side of an image whose ground is computed over an elevation model
+DOUBT = 0.2  # share by which two heights above the ground may differ
 _STEPS = 128  # along a ray, down to the height of the ground below the camera
 _FARTHEST = 8  # times that length, after which a ray is taken to reach no ground
 _HALVINGS = 18  # of a step, to where a ray meets the ground

@@ -13,16 +13,12 @@ import numpy as np
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 
-HORIZON_DEG = 88.0
-"""Rays that are farther from straight down are taken to reach no ground."""
+HORIZON_DEG = 88.0  # rays that are farther from straight down are taken to reach no ground
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Photograph:
-    """A photograph with its pose.
-
-    Heights are metres; at least one of `relative_m` and `altitude_m` is known.
-    """
+    """A photograph with its pose; heights are metres, and `relative_m` or `altitude_m` is known."""
 
     path: str
     lon: float  # of the camera, degrees (WGS 84)
@@ -44,10 +40,7 @@ class Photograph:
 
     @property
     def axes(self) -> Floats:
-        """Unit vectors (3, 3) of the line of sight, of the right and of the down of the image.
-
-        Each is metres east, north and up.
-        """
+        """Unit vectors (3, 3) of sight, right and down of the image, each metres east, north and up."""
         yaw, pitch, roll = np.radians([self.yaw_deg, self.pitch_deg, self.roll_deg])
         sight = np.array([math.cos(pitch) * math.sin(yaw), math.cos(pitch) * math.cos(yaw), math.sin(pitch)])
         level = np.array([math.cos(yaw), -math.sin(yaw), 0.0])
@@ -66,10 +59,7 @@ class Photograph:
         return seen / self.focal_px
 
     def pixels(self, offsets_m: Floats) -> Floats:
-        """Return where places (3, n), metres east, north and up of the camera, are in the image (2, n).
-
-        The inverse of `rays`; NaN behind the camera.
-        """
+        """Return pixels (2, n) of places (3, n), metres east, north, up; NaN behind. Inverse of `rays`."""
         east, north, up = offsets_m  # products one by one: those of matrices depend on their size
         ahead, right, below = (axis[0] * east + axis[1] * north + axis[2] * up for axis in self.axes)
         scale = np.divide(self.focal_px, ahead, out=np.full_like(ahead, np.nan), where=ahead > 0)

@@ -13,10 +13,7 @@ _STYLE = 'fill="#ffa500" fill-opacity="0.35" stroke="#c46a00" stroke-width="1" f
 
 
 class RegionFrame(geopandas.GeoDataFrame):  # type: ignore[misc]
-    """A GeoDataFrame of regions.
-
-    Its ``attrs["uavseg"]`` is what the regions were made from, and how.
-    """
+    """A GeoDataFrame of regions; ``attrs["uavseg"]`` is what they were made from, and how."""
 
     def _repr_html_(self) -> str:
         table = super()._repr_html_() or ""

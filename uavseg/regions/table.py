@@ -31,14 +31,12 @@ COLUMNS: dict[str, type] = (
     {"id": np.int64, "area_m2": np.float64, "perimeter_m": np.float64, "mean": np.float64, "std": np.float64}
     | {"pixels": np.int64, "holes": np.int64, "lon": np.float64, "lat": np.float64}
     | {"range_low": np.float64, "range_high": np.float64, "source": object}
-)
-"""Columns of a region table, in order, with their types."""
+)  # columns of a region table, in order, with their types
 
 VALUE_COLUMNS: dict[str, type] = {
     **dict.fromkeys(("mean_value", "value_low", "value_high"), np.float64),
     "unit": object,
-}
-"""Columns in the units of the raster, which follow `range_high`; see `with_values`."""
+}  # columns in the units of the raster, which follow `range_high`; see `with_values`
 
 
 @dataclass(frozen=True)
@@ -79,10 +77,7 @@ class Regions:
 
 
 def plain_columns(*tables: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return columns of tables, one after the other, as integers, floats or texts, which every format has.
-
-    A text that a table lacks is empty, a number NaN.
-    """
+    """Return columns of tables in plain types; a text that a table lacks is empty, a number NaN."""
     import pandas
 
     plain: dict[str, NDArray[Any]] = {}

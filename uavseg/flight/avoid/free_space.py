@@ -178,10 +178,7 @@ class FreeSpace:
         return paths
 
     def paths(self, points: Floats) -> "ShortestPaths":
-        """Compute the shortest paths between any two of some points (n, 2).
-
-        A MissionError says that there are too many points, or corners of free space.
-        """
+        """Compute shortest paths between points (n, 2); MissionError for too many points or corners."""
         if len(points) > MAX_POINTS:
             raise MissionError(
                 f"ways between {len(points)} ends of lines would be compared, at most {MAX_POINTS} are; "

@@ -150,10 +150,7 @@ def check_pitch(pitch_deg: float) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Overlap:
-    """Overlap of photographs: shares of the footprint that the next image along and beside shows again.
-
-    Both are per cent, from 0 to below 100 (ParameterError).
-    """
+    """Shares in per cent that the next image along and beside shows too, 0 to below 100 (ParameterError)."""
 
     front: float
     side: float

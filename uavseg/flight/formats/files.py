@@ -14,7 +14,7 @@ from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
 from uavseg.flight.formats.kmz import kmz_losses, read_kmz, write_kmz
 from uavseg.flight.formats.litchi import litchi_losses, read_litchi, write_litchi
 from uavseg.flight.formats.options import TURN_STOP, FileOptions
-from uavseg.flight.formats.plan import plan_losses, read_plan, write_plan
+from uavseg.flight.formats.plan import plan_losses, read_plan, simple_items, write_plan
 from uavseg.flight.formats.waypoints import read_waypoints, waypoints_losses, write_waypoints
 from uavseg.flight.mission.features import MissionFeature, Place, as_geojson, features_of, mission_of_features
 from uavseg.flight.mission.items import TAKEOFFS, HomePosition
@@ -213,7 +213,7 @@ def _qgc_plan(plan: Mapping[str, Any]) -> Iterator[str]:
             yield f"mission has no {key}"
     if len(mission["plannedHomePosition"]) != 3:
         yield "plannedHomePosition has not three numbers"
-    for number, item in enumerate(_simple_items(mission["items"]), start=1):
+    for number, item in enumerate(simple_items(mission["items"]), start=1):
         for key in ("command", "frame", "params", "autoContinue"):
             if key not in item:
                 yield f"item {number} has no {key}"
@@ -249,17 +249,9 @@ def _mavsdk_plan(plan: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key} is missing or not of version 2"
     if len(plan["mission"].get("plannedHomePosition") or [0, 0, 0]) != 3:
         yield "plannedHomePosition has not three numbers"
-    for number, item in enumerate(_simple_items(plan["mission"]["items"]), start=1):
+    for number, item in enumerate(simple_items(plan["mission"]["items"]), start=1):
         if "autoContinue" not in item:
             yield f"item {number} has no autoContinue"
-
-
-def _simple_items(items: list[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    for item in items:
-        if item["type"] == "SimpleItem":
-            yield item
-        else:
-            yield from item["TransectStyleComplexItem"]["Items"]
 
 
 def _is_whole(value: Any) -> bool:

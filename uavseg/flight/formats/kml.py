@@ -62,7 +62,7 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
         child(ET.SubElement(data, "Data", {"name": key}), "value", _value_text(value))
     if feature.shape == "Polygon":
         ring = child(child(child(placemark, "Polygon"), "outerBoundaryIs"), "LinearRing")
-        places = (f"{_degrees(lon)},{_degrees(lat)}" for lat, lon, _ in feature.places)
+        places = (f"{decimal(lon, 1)},{decimal(lat, 1)}" for lat, lon, _ in feature.places)
         child(ring, "coordinates", " ".join(places))
     elif feature.shape:
         geometry = child(placemark, feature.shape)
@@ -71,7 +71,7 @@ def _placemark(folder: ET.Element, feature: MissionFeature, home_m: float) -> No
         is_raised = feature.heights == features.ABOVE_HOME and home_m != 0
         above_sea, added = is_raised or feature.heights == features.ABOVE_SEA, home_m if is_raised else 0.0
         child(geometry, "altitudeMode", "absolute" if above_sea else "relativeToGround")
-        texts = (f"{_degrees(lon)},{_degrees(lat)},{m + added:.3f}" for lat, lon, m in feature.places)
+        texts = (f"{decimal(lon, 1)},{decimal(lat, 1)},{m + added:.3f}" for lat, lon, m in feature.places)
         child(geometry, "coordinates", " ".join(texts))
 
 
@@ -88,10 +88,6 @@ def _value_text(value: Value) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else repr(value) if isinstance(value, float) else str(value)
-
-
-def _degrees(value: float) -> str:
-    return decimal(value, 1)
 
 
 def read_kml(content: bytes, name: str) -> Mission:

@@ -55,10 +55,7 @@ DEFAULT_DJI_MODEL = "m3e"
 
 @dataclass(frozen=True, slots=True)
 class FileOptions:
-    """Options of mission files.
-
-    A ParameterError says that the aircraft or the turn is not known, or that the aircraft has no such lens.
-    """
+    """Options of mission files; ParameterError if aircraft or turn are not known, or it has no such lens."""
 
     editable: bool = False  # whether a .plan holds survey items that QGroundControl can edit, where possible
     dji_model: str = DEFAULT_DJI_MODEL  # the aircraft of a .kmz: a key of `DJI_MODELS`

@@ -14,7 +14,7 @@ from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import ItemReader
 from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
-from uavseg.flight.mission.mission import Mission, Position, SurveyBlock
+from uavseg.flight.mission.mission import Mission, SurveyBlock
 from uavseg.inputs import parse_json
 from uavseg.plain_text import shown
 
@@ -48,20 +48,14 @@ def find_blocks(mission: Mission) -> list[BlockItems]:
     for block in mission.blocks:
         if not block.is_editable:
             continue
-        for positions in (block.waypoints, block.waypoints[::-1]):
-            begin = _position_of(list(positions), at)
-            if begin is not None:
-                result += _matching(mission, block, visits[begin], visits[begin + len(positions) - 1])
+        count = len(block.waypoints)
+        for part in (list(block.waypoints), list(block.waypoints[::-1])):
+            begins = (k for k, place in enumerate(at) if place == part[0] and at[k : k + count] == part)
+            if (begin := next(begins, None)) is not None:
+                result += _matching(mission, block, visits[begin], visits[begin + count - 1])
                 break
     result.sort(key=lambda one: one.first)
     return [one for k, one in enumerate(result) if not k or one.first >= result[k - 1].stop]
-
-
-def _position_of(part: list[Position], whole: list[Position]) -> int | None:
-    for begin, position in enumerate(whole[: len(whole) - len(part) + 1]):
-        if position == part[0] and whole[begin : begin + len(part)] == part:
-            return begin
-    return None
 
 
 def _matching(mission: Mission, block: SurveyBlock, first: int, last: int) -> list[BlockItems]:
@@ -139,10 +133,7 @@ def _camera_calc(block: SurveyBlock, trigger_m: float) -> dict[str, Any]:
 
 
 def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the simple items that a survey item holds, which are what is flown.
-
-    A MissionError says that it is another complex item than a survey of version 5, or holds no items.
-    """
+    """Return the items that a survey item holds; MissionError if it is another, or holds none."""
     item_type = shown(item.get("complexItemType", item["type"]), quoted=False)
     if item_type != "survey" or item.get("version") != SURVEY_VERSION:
         version = f" of version {shown(item.get('version'))}" if item_type == "survey" else ""
@@ -250,7 +241,7 @@ def read_plan(content: bytes, name: str) -> Mission:
     geofence = {} if plan.get("geoFence") is None else plan["geoFence"]
     rally = plan.get("rallyPoints") or {}
     reader = ItemReader(home, autopilot)
-    items = reader.read(_flat(mission["items"]), _fields_of)
+    items = reader.read(simple_items(mission["items"]), _fields_of)
     breach = ("the breach return point of the fence was not read",) if geofence.get("breachReturn") else ()
     return Mission(
         home=home,
@@ -266,7 +257,7 @@ def read_plan(content: bytes, name: str) -> Mission:
     )
 
 
-def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+def simple_items(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
     """Yield simple items, also those of surveys."""
     for item in items:
         if item["type"] == "SimpleItem":

@@ -144,10 +144,7 @@ class Link:
         return self._vehicle
 
     def find_vehicle(self, address: object) -> None:
-        """Wait for the heartbeat of an autopilot, and then for that of a second one.
-
-        A LinkError says that there is none in time, or more than one.
-        """
+        """Wait for the heartbeat of an autopilot; LinkError without one in time, or with a second one."""
         deadline = self.now() + self.timeout_s
         while self._vehicle is None and self.now() < deadline:
             self.next_message(min(self.now() + POLL_S, deadline))

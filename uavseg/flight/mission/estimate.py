@@ -32,13 +32,12 @@ from uavseg.flight.mission.items import (
     MissionItem,
 )
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
-from uavseg.flight.mission.track import Plane
+from uavseg.flight.mission.track import Plane, leg_lengths
 from uavseg.flight.mission.vehicle import Vehicle, Wind, default_vehicle
 
 Place = tuple[float, float, float]
 
-CIRCLE_M = 10.0
-"""Radius of turns without one: CIRCLE_RADIUS of ArduCopter."""
+CIRCLE_M = 10.0  # radius of turns without one: CIRCLE_RADIUS of ArduCopter
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +60,7 @@ class FlownPath:
     @property
     def length_m(self) -> Floats:
         """Length of each leg over ground."""
-        lengths: Floats = np.hypot(*np.diff(self.xyz_m[:, :2], axis=0).T)
-        return lengths
+        return leg_lengths(self.xyz_m[:, :2])
 
     @property
     def height_m(self) -> Floats:
@@ -126,10 +124,7 @@ class _Walk:
 
 
 def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPath:
-    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
-
-    In a wind from any direction, times are those of the direction in which the flight takes longest.
-    """
+    """Return the legs of a mission as flown; in a wind from anywhere, with times of the longest flight."""
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
@@ -209,7 +204,7 @@ def _path(walk: _Walk, vehicle: Vehicle, wind: Wind, ends: str) -> FlownPath:
     seconds[climbs[:1]] += vehicle.start_s
     slow_m = np.clip(np.diff(xyz[:, 2])[climbs], 0.0, vehicle.takeoff_height_m)  # climbs begin slowly
     seconds[climbs] += slow_m * (1 / vehicle.takeoff_m_s - 1 / vehicle.climb_m_s)
-    shots = _shots(walk, np.hypot(*np.diff(xyz[:, :2], axis=0).T), seconds + hold[1:])
+    shots = _shots(walk, leg_lengths(xyz[:, :2]), seconds + hold[1:])
     photographs = np.zeros(len(seconds), np.int64)
     for run in shots:
         photographs[run.leg] += run.count

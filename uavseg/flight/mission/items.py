@@ -228,7 +228,12 @@ class FencePolygon:
             raise MissionError(
                 f"a fence polygon has at least three vertices; this one has {len(set(vertices))}"
             )
-        object.__setattr__(self, "vertices", _clockwise(vertices))
+        first = vertices[0][1]  # longitudes near to it, also over the antimeridian
+        ring = shapely.LinearRing([(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices])
+        if not ring.is_simple:
+            raise MissionError("the outline of a fence polygon crosses or touches itself")
+        clockwise = (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices  # as seen from above
+        object.__setattr__(self, "vertices", clockwise)
 
     @property
     def positions(self) -> tuple[Position, ...]:
@@ -238,10 +243,7 @@ class FencePolygon:
 
 @dataclass(frozen=True, slots=True)
 class FenceCircle:
-    """A circle that the vehicle must stay inside or outside of.
-
-    A MissionError says that the centre is not on Earth, or the radius not above 0 and at most 100 km.
-    """
+    """A circle to stay inside or outside of; MissionError if not on Earth, or the radius not in 0-100 km."""
 
     lat: float  # of the centre, in degrees, WGS 84
     lon: float
@@ -263,10 +265,7 @@ class FenceCircle:
 
 @dataclass(frozen=True, slots=True)
 class RallyPoint:
-    """A place to which the vehicle may return instead of home.
-
-    A MissionError says that it is not on Earth, or the altitude not above 0 and at most 1000 m.
-    """
+    """A place to return to instead of home; MissionError if not on Earth, or not above 0 and up to 1000 m."""
 
     lat: float  # degrees, WGS 84
     lon: float
@@ -287,12 +286,3 @@ class RallyPoint:
 
 
 Fence = FencePolygon | FenceCircle
-
-
-def _clockwise(vertices: tuple[Position, ...]) -> tuple[Position, ...]:
-    """Return the vertices clockwise as seen from above, from the same first one; refuse rings not simple."""
-    first = vertices[0][1]  # longitudes near to it, also over the antimeridian
-    ring = shapely.LinearRing([(first + (lon - first + 180) % 360 - 180, lat) for lat, lon in vertices])
-    if not ring.is_simple:
-        raise MissionError("the outline of a fence polygon crosses or touches itself")
-    return (vertices[0], *vertices[:0:-1]) if ring.is_ccw else vertices

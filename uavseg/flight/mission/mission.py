@@ -13,7 +13,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import Photos
 from uavseg.flight.mission import items as mav
-from uavseg.flight.mission.items import Fence, FenceCircle, HomePosition, MissionItem, RallyPoint
+from uavseg.flight.mission.items import Fence, FenceCircle, HomePosition, MissionItem, Position, RallyPoint
 from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.geodesy.globe import geod_wgs84
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from uavseg.flight.mission.estimate import Estimate
 
 
-Position = tuple[float, float]  # lat, lon in degrees, WGS 84
 NEARLY_CONVEX = 0.9  # of the area of its convex hull
 BOARD_CAPACITY = {"ardupilot": 650, "px4": 500, "generic": 500}  # items that common boards store
 USUAL_MAX_HEIGHT_M = 120.0  # what most countries allow without a permit
@@ -161,10 +160,7 @@ class Mission:
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:
-        """Requested speed over ground on the leg to each item with a position.
-
-        Before the first item that sets a speed, it is that one.
-        """
+        """Speed over ground asked for on the leg to each position; before an item sets one, the first."""
         speed, speeds = self.speed_m_s, []
         for item in self.items:
             if item.command == mav.CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:

@@ -98,10 +98,7 @@ class Vehicle:
             )
 
     def deviation_m(self, speed_m_s: float) -> float:
-        """Return an upper bound of how far the vehicle leaves its legs at a speed.
-
-        Corners are cut within the radius in which a waypoint is passed, and the position controller lags.
-        """
+        """Return a bound of how far it leaves its legs at a speed: corners are cut, the controller lags."""
         return self.radius_m + CONTROL_LAG_S * speed_m_s
 
 

@@ -13,7 +13,7 @@ from uavseg.errors import MissionError
 from uavseg.flight.cover.survey import Survey
 from uavseg.flight.mission import items
 from uavseg.flight.mission.duration import CALM
-from uavseg.flight.mission.mission import NEARLY_CONVEX, Mission, Position, SurveyBlock
+from uavseg.flight.mission.mission import NEARLY_CONVEX, Mission, SurveyBlock
 from uavseg.flight.mission.track import Plane, Track, plane_around
 from uavseg.flight.params.plan import MAX_MARGIN_M, PARAMS_OF, PerimeterParams, PlanParams
 from uavseg.flight.patterns import candidates as patterns
@@ -58,10 +58,7 @@ def plane_of(
 def region_parts(
     regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]
 ) -> list[RegionPart]:
-    """Return the connected parts of regions, each with the given point if it lies inside, else another one.
-
-    The regions are in metres, the points degrees (lon, lat).
-    """
+    """Return the connected parts of regions in metres, each with its point (lon, lat) or one inside."""
     parts = []
     places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
     for region, (x, y) in zip(regions, places, strict=True):
@@ -181,10 +178,7 @@ def plan_missions(
 
 
 def check_regions(count: int, params: PlanParams) -> None:
-    """Refuse more regions than can be ordered, before any work (MissionError).
-
-    Perimeters inside of regions are counted later: small regions have none.
-    """
+    """Refuse more regions than can be ordered, before any work (MissionError); perimeters count later."""
     if not (isinstance(params.how, PerimeterParams) and params.how.offset_m < 0):
         check_order(count)
 
@@ -279,6 +273,6 @@ def _outline(lines: Floats) -> Floats:
     return corners
 
 
-def _positions(xy: Floats, plane: Plane) -> tuple[Position, ...]:
+def _positions(xy: Floats, plane: Plane) -> tuple[items.Position, ...]:
     lon, lat = plane.lonlat_from_xy(*xy.T)
     return tuple(map(tuple, np.round(np.column_stack([lat, lon]), items.DEGREE_DECIMALS).tolist()))

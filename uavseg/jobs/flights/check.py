@@ -55,8 +55,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
-CLEARANCE_M = 5.0
-"""Least height above the ground of a DEM."""
+CLEARANCE_M = 5.0  # least height above the ground of a DEM
 ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
 LOGS = (".bin", ".log", ".ulg", ".tlog")
 LISTED = 5  # legs and names in a note
@@ -65,10 +64,7 @@ OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
 
 @dataclass(frozen=True, slots=True)
 class CheckRequest:
-    """What a mission is checked for.
-
-    A ParameterError says that the autopilot is not known.
-    """
+    """What a mission is checked for; ParameterError if the autopilot is not known."""
 
     autopilot: str | None = None  # None: the one that the file is for, if its format says so
     safety: SafetyParams = ANY_HEIGHT  # by default any height and distance is accepted

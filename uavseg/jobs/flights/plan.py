@@ -20,7 +20,7 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import check_regions, plan_missions
 from uavseg.flight.safety.check import SafetyCheck, clearance_of
-from uavseg.flight.safety.keep_out import IsGround, home_outside
+from uavseg.flight.safety.keep_out import home_outside
 from uavseg.output.atomic import transaction
 from uavseg.regions.select.choose import of_classes, select_regions
 from uavseg.regions.table import Regions
@@ -33,10 +33,7 @@ Home = tuple[float, ...] | Literal["auto"]
 
 @dataclass(frozen=True, slots=True)
 class PlanRequest:
-    """How to fly, from where, and over which of the regions.
-
-    A ParameterError says that a class is to be flown over and kept out of.
-    """
+    """How to fly, from where, and over what; ParameterError if a class is flown over and kept out of."""
 
     flight: PlanParams
     home: Home  # "auto": near the chosen regions, outside of all of them and of keep-out zones
@@ -180,9 +177,9 @@ def plan(
     if request.avoid_classes:
         avoided = np.flatnonzero(of_classes(regions, request.avoid_classes))
         zones = [*zones, *regions.select(avoided).polygons]
+    if raster is not None:
+        from uavseg.jobs.flights.under_raster import valid_ground, without_edge_regions
     if raster is not None and not request.allow_edge and len(chosen):
-        from uavseg.jobs.flights.under_raster import without_edge_regions
-
         chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
     if request.chooses:
         chosen = select_regions(chosen, request.ids, request.largest, request.where)
@@ -192,11 +189,7 @@ def plan(
     if home == "auto":
         everywhere = list(regions.polygons)
         margin_m = flight.safety.avoid_margin_m
-        is_ground: IsGround | None = None
-        if raster is not None:
-            from uavseg.jobs.flights.under_raster import valid_ground
-
-            is_ground = valid_ground(raster)
+        is_ground = None if raster is None else valid_ground(raster)
         with phase("place for home"):
             home = home_outside(everywhere, points or _points(regions), zones, margin_m, is_ground)
         notes.append(

@@ -301,10 +301,7 @@ def widths_of(flight: PlanParams) -> Widths:
 
 
 def in_degrees(regions: Regions) -> Regions:
-    """Return regions of a raster in WGS 84, with the coordinates that GeoJSON gets.
-
-    OutputError is raised if they have no place on the Earth.
-    """
+    """Return regions in WGS 84 as GeoJSON has them; OutputError if they have no place on the Earth."""
     from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
     polygons: Any = wgs84_geometries(regions)

@@ -14,7 +14,6 @@ from uavseg.plain_text import first_of
 from uavseg.raster.geodesy.globe import WGS84, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.select.choose import where
 from uavseg.regions.table import Regions
 
@@ -75,10 +74,7 @@ def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
 
 
 def valid_ground(source: Source) -> IsGround | None:
-    """Return a function that reads whether a place (lat, lon in degrees) lies on a valid pixel.
-
-    None where the source has no pixels at hand, or no place on the Earth.
-    """
+    """Return a function that tells if a place (lat, lon) is on a valid pixel; None where none can."""
     pixels = source.raster if isinstance(source, Blocks) else source
     if not isinstance(pixels, Pixels) or pixels.geobox.crs is None:
         return None
@@ -87,16 +83,10 @@ def valid_ground(source: Source) -> IsGround | None:
 
     def is_ground(lat: float, lon: float) -> bool:
         x, y = to_xy(lon, lat)
-        return bool(np.isfinite(x) and np.isfinite(y)) and _is_valid(dataset, float(x), float(y))
+        (rows, cols), (col, row) = dataset.geobox.shape, ~dataset.geobox.transform * (float(x), float(y))
+        if not (0 <= row < rows and 0 <= col < cols):  # nor where there is no such place
+            return False
+        _, mask = dataset.read(Window(int(row), int(col), 1, 1))
+        return mask is None or bool(mask.all())
 
     return is_ground
-
-
-def _is_valid(dataset: Dataset, x: float, y: float) -> bool:
-    t = ~dataset.geobox.transform
-    col, row = t.a * x + t.b * y + t.c, t.d * x + t.e * y + t.f
-    rows, cols = dataset.geobox.shape
-    if not (0 <= row < rows and 0 <= col < cols):
-        return False
-    _, mask = dataset.read(Window(int(row), int(col), 1, 1))
-    return mask is None or bool(mask.all())

@@ -24,6 +24,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
+from uavseg.occupancy.paths.path_geojson import feature_collection, line_geometry, point_geometry
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.options.maps import NextViewOptions
@@ -101,8 +102,6 @@ class NextViews:
 
     def to_geojson(self) -> str:
         """Return the views, points with their rank and values, and the ways to them, as GeoJSON."""
-        from uavseg.occupancy.paths.path_geojson import feature_collection, line_geometry, point_geometry
-
         features: list[tuple[dict[str, Any], dict[str, Any]]] = []
         for rank, view in enumerate(self.views, start=1):
             features.append(({"view": rank, **view.properties}, point_geometry(view.way)))

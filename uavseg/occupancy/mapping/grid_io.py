@@ -81,10 +81,7 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fadi
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
-    """Read the probabilities of a message, and the position of its cells.
-
-    They are (rows, cols) in 0..1, exactly 0.5 where unknown; the first row is the highest.
-    """
+    """Read probabilities (rows, cols), 0.5 where unknown, from the highest row on, and their position."""
     resolution = _number_of(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))
     check_cells(shape, "this OccupancyGrid message")

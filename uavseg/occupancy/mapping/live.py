@@ -187,10 +187,7 @@ class LiveSegmentation:
 
     @property
     def inside(self) -> NDArray[np.bool_]:
-        """Return the cells of the leaves whose mean lies in the range, an (8 B, 8 C) bool array.
-
-        A ParameterError says that this is not a segmentation by a range.
-        """
+        """Return which cells are of leaves in the range, (8 B, 8 C) bool; ParameterError without a range."""
         if not isinstance(self.partition, IntensityRange):
             raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
         return np.asarray(self.intervals == 2)
@@ -237,10 +234,7 @@ class LiveSegmentation:
         return interval
 
     def block_map(self) -> BlockMap:
-        """Return the block map with every R, which answers any other question too.
-
-        R are measured for the blocks that have changed since the last call.
-        """
+        """Return the block map with every R, measured for blocks that changed since the last call."""
         self.settle()
         for part, valid in self._by_validity(self._stale):
             ratios = block_ratios(self._grey_map.grey, valid, self.bin_edges, part * BLOCK)

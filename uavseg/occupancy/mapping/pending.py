@@ -46,11 +46,7 @@ class ChangeLog:
     changed: NeighbourBits  # (B, C) uint16; as in `GreyMap`
 
     def pop(self) -> tuple[Mask, Mask]:
-        """Read the changes and clear them.
-
-        The results (B, C) are blocks whose grey has changed, and blocks with a changed pixel in or next to
-        them.
-        """
+        """Read and clear changes: blocks (B, C) whose grey changed, and those with a change in or beside."""
         rows, cols = self.changed.shape
         around = np.zeros((rows + 2, cols + 2), bool)
         if self.changed.any():

@@ -56,10 +56,7 @@ NearestCell = tuple[float, int, float, float]
 
 @dataclass(frozen=True)
 class FreeCells:
-    """The free cells of a map whose regions are known: in a region, and with their value in range.
-
-    The mean of a block hides walls that are a cell or two thin, so a region alone is not passable throughout.
-    """
+    """Cells of a map in a region and in range, as means of blocks hide walls of a cell or two."""
 
     source: GreySource  # the map
     rings: Rings  # outlines of its regions
@@ -76,8 +73,7 @@ class FreeCells:
         if not all(map(isfinite, xy)):
             raise PathError(f"the {name} is two finite numbers, x and y on the map, not {_pair(*xy)}")
         box = self.geobox
-        t = ~box.transform
-        col, row = t.a * xy[0] + t.b * xy[1] + t.c, t.d * xy[0] + t.e * xy[1] + t.f
+        col, row = ~box.transform * xy
         if not (0 <= row < box.shape[0] and 0 <= col < box.shape[1]):
             raise PathError(f"the {name} {_pair(*xy)} lies outside of the map, which has {_extent(box)}")
         here = Window(int(row), int(col), 1, 1)
@@ -89,11 +85,7 @@ class FreeCells:
         return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
     def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Mask, int]:
-        """Return the free cells of some regions.
-
-        These are the smallest window that holds the regions, a mask (rows, cols), and the number of cells of
-        the regions whose value is out of the range.
-        """
+        """Return window and mask (rows, cols) of free cells of regions, and how many are out of range."""
         rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
         bottom, right = rings.vertices.max(axis=0).tolist()
@@ -339,10 +331,7 @@ def find_path(
     params: PathParams = PathParams(),
     map: Map = serial,
 ) -> PlannedPath:
-    """Find the shortest path between two positions in one region, over cells whose value is in range.
-
-    `start` and `goal` are x and y on the map.
-    """
+    """Find the shortest path between two positions (x, y) in one region, over cells with values in range."""
     first, last = free.place("start", start), free.place("goal", goal)
     if not (first.is_free and last.is_free):
         raise PathError(why_apart(free, first, last, map))

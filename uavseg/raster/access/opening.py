@@ -170,11 +170,7 @@ class OpenFiles:
         return files[path]
 
     def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
-        """Return first row and column of the blocks that this thread could not read, to be added to.
-
-        A block is not tried again for each tile that it meets: where a strip of a damaged file is as wide as
-        the raster, that took most of the time.
-        """
+        """Return first row and column of blocks that this thread could not read, and does not try again."""
         known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
         known = self._local.__dict__.setdefault("failed", {})
         return known.setdefault((path, bands), set())
@@ -195,10 +191,7 @@ class OpenFiles:
 
 @contextmanager
 def gdal_env(online: bool = False) -> Iterator[None]:
-    """Capture GDAL's messages, without requests unless `online`, and with a small block cache.
-
-    The cache is left as it is where GDAL_CACHEMAX is set.
-    """
+    """Capture GDAL's messages, without requests unless `online`; cache blocks little by default."""
     if _thread_options.hold(online):
         yield
         return

@@ -27,8 +27,7 @@ from uavseg.warning_filters import changing_filters
 
 SIDE = 256
 """Pixels by which neighbouring tiles are apart; each also holds the first row and column of the next."""
-MAX_TILES = 64
-"""Tiles that are kept: 34 MB."""
+MAX_TILES = 64  # tiles that are kept: 34 MB
 SeaHeights = Callable[[Floats, Floats, Floats], Floats]
 """From longitude and latitude in degrees and ellipsoidal heights to heights above the sea, in metres."""
 
@@ -39,8 +38,7 @@ UNITS_M = {
     **dict.fromkeys(("ft", "foot", "feet", "international foot", "international feet"), 0.3048),
     **dict.fromkeys(("us survey foot", "us survey feet", "ftus", "us-ft", "ft-us", "us-foot"), 1200 / 3937),
     **dict.fromkeys(("foot_us", "us_survey_foot", "us foot", "us feet", "us_foot"), 1200 / 3937),
-}
-"""Metres in a unit of heights, by its names in files (in lower case)."""
+}  # metres in a unit of heights, by its names in files (in lower case)
 Source = str | os.PathLike[str]
 LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
 
@@ -88,10 +86,7 @@ def horizontal_crs(wkt: str) -> Any:
 
 
 def sea_from_ellipsoid() -> SeaHeights | None:
-    """Return the conversion of ellipsoidal heights (WGS 84) to heights above the geoid EGM96.
-
-    None where PROJ has no grid of the geoid on this machine.
-    """
+    """Return the conversion of ellipsoidal heights to those above EGM96; None without its grid."""
     from pyproj import network
     from pyproj.transformer import TransformerGroup
 

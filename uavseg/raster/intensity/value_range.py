@@ -31,10 +31,8 @@ _MARGIN = 1 / 8  # of the span of an automatic stretch: its ends stay so far fro
 _GREYS = 1.25  # greys between a bound and the end of a stretch: one for what lies beyond, and for rounding
 _ROUNDING = 1e-6  # of a step between stored integers
 
-Statistics = dict[Fraction, float]
-"""Intensities at percentiles."""
-Bounds = tuple[float, float]
-"""A range of stored intensities: closed, infinite where it is open."""
+Statistics = dict[Fraction, float]  # intensities at percentiles
+Bounds = tuple[float, float]  # a range of stored intensities: closed, infinite where it is open
 _V = np.arange(GREY_LEVELS) / GREY_MAX
 _ROUNDINGS = 8  # doubles near a bound that may be the same v
 

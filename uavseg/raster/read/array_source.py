@@ -184,10 +184,7 @@ def layout_of(dtype: Any, roles: tuple[str, ...], names: tuple[str, ...] = ()) -
 
 
 def from_values(values: Values, geobox: GeoBox, name: str) -> ArraySource:
-    """Return a source of a (rows, cols) array, which is neither copied nor changed.
-
-    A ParameterError says that it has not the shape of the grid, or holds no numbers.
-    """
+    """Return a source of a (rows, cols) array, not copied; ParameterError if not numbers on the grid."""
     if values.shape != geobox.shape or values.dtype.kind not in "iuf":
         raise ParameterError(
             f"values are numbers of shape {geobox.shape}, as their grid, not {values.dtype} of {values.shape}"

@@ -79,10 +79,7 @@ def is_open_raster(source: object) -> bool:
 
 
 def from_open_raster(source: Any) -> RasterFile:
-    """Return the file that an open raster names, where that is the same raster; else the raster itself.
-
-    A ParameterError says that it is closed, or open for writing; other errors are those of `inspect_file`.
-    """
+    """Return the file of an open raster, or the raster; ParameterError if closed or open for writing."""
     if isinstance(source, MemoryFile):
         raise ParameterError("a MemoryFile is no raster yet; open it, and give what its open() returns")
     if source.closed:

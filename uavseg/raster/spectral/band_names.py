@@ -31,8 +31,7 @@ FAMILIES = {
     "nir": ("nir08",),
     "rededge1": ("rededge",),
     "lwir": ("lwir11", "lwir12"),
-}
-"""Names that stand for others where no band has the name itself."""
+}  # names that stand for others where no band has the name itself
 
 _WORDS = [(row["name"], row["words"]) for row in _TABLE if row["words"]]
 _MICROMETRES = [(float(row["from_um"]), float(row["to_um"]), row["name"]) for row in _TABLE if row["from_um"]]

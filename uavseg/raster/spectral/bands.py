@@ -60,8 +60,7 @@ class BandScale:
         return (value - self.offset) / self.scale
 
 
-AS_STORED = BandScale()
-"""Values are the stored numbers, of no known unit."""
+AS_STORED = BandScale()  # values are the stored numbers, of no known unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,10 +95,7 @@ class ValueAxis:
             return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))
 
     def ends(self, low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the smallest and the largest value of ranges of v; NaN where a range is open.
-
-        It is open at v = 0 or 1 where the stretch clips, because all that lies beyond has that v.
-        """
+        """Return the least and largest value of ranges of v; NaN where one is open, clipped at 0 or 1."""
         low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
         first = np.where((low <= 0) & (self.low > self.limits[0]), nan, self.values(low))
         last = np.where((high >= 1) & (self.high < self.limits[1]), nan, self.values(high))

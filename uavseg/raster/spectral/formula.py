@@ -68,10 +68,7 @@ def find_index(name: str) -> tuple[str, SpectralIndex]:
 
 @dataclass(frozen=True, slots=True)
 class BandWords:
-    """What the user says of bands beside their numbers.
-
-    A ParameterError says that both an index and an expression are given.
-    """
+    """What is said of bands beside their numbers; ParameterError for both an index and an expression."""
 
     index: str | None = None  # a spectral index, see `indices`
     expr: str | None = None  # band arithmetic, see `expression`
@@ -166,11 +163,7 @@ def _power(base: Any, exponent: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Band arithmetic, checked and ready to be computed chunk by chunk.
-
-    Every step is one function of numpy in double precision, in the order in which it is written, so neither
-    tiles nor threads change a bit.
-    """
+    """Band arithmetic, checked; steps are numpy functions in doubles, so no tile or thread changes them."""
 
     text: str
     bands: tuple[int, ...]  # those that it uses, counted from 1, in the order of their first use

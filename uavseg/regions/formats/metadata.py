@@ -17,6 +17,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.inputs import parse_json, read_start
 from uavseg.raster.access.opening import file_exists
+from uavseg.raster.access.untrusted import check_database, open_database
 from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
 from uavseg.regions.formats.styles import STYLE_TABLE
@@ -176,8 +177,6 @@ def _bounds(extent: Any) -> tuple[float, float, float, float] | None:
 def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     """Check whether a GeoPackage holds images and no features."""
     import sqlite3
-
-    from uavseg.raster.access.untrusted import check_database, open_database
 
     try:
         check_database(path, os.fspath(path), RegionError)

@@ -132,10 +132,7 @@ def _with_thin_lines(
 
 
 def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
-    """Refuse a tile whose cells have other sums or counts than its job expects, with a RasterError.
-
-    The tile has a halo of REFINE_HALO pixels.
-    """
+    """Refuse a tile, with halo, whose cells have other sums or counts than its job expects (RasterError)."""
     if job.expected is None:
         return
     sums, counts = cell_sums(tile.grey, tile.valid, REFINE_HALO)
@@ -150,10 +147,7 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
 
 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> components.Sums:
-    """Sum each region over all valid pixels that its outlines enclose, read again from the raster.
-
-    The contrast across borders, and the similarity to classes, stay as they were.
-    """
+    """Sum each region over all valid pixels that its outlines enclose; contrasts and similarities stay."""
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts, excess = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
