@@ -395,7 +395,7 @@ REFUSALS: dict[str, tuple[str, str]] = {
     "no tile": ("tile.tif --range 0.5,1 --tile 0", "positive multiple of 64 pixels, not 0"),
     "threads": ("tile.tif --range 0.5,1 --threads 0", "the number of threads is at least 1, not 0"),
     "negative area": ("tile.tif --range 0.5,1 --min-area -5", "an area is"),
-    "strange area": ("tile.tif --range 0.5,1 --fill-holes 5ha", "square metres such as 500, or pixels"),
+    "strange area": ("tile.tif --range 0.5,1 --fill-holes 5acres", "square metres such as 500, hectares"),
     "square metres": ("local.tif --range 0.5,1 --min-area 5", "no CRS"),
     "square metres of holes": (
         "local.tif --range 0.5,1 --fill-holes 5",
