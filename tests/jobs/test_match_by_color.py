@@ -367,6 +367,7 @@ def test_each_answer_is_drawn_as_it_is_alone(slope: Path, tmp_path: Path) -> Non
         (["--each", "--png", "a.png"], "--png is for one source"),
         (["--png", "a.jpg"], "a preview is a PNG picture"),
         (["--png", "is.png"], "is.png exists"),
+        (["--ask", "--png", "a.place.png"], "two outputs have the same name"),
         (["--classes", "s.gpkg", "--png", "a.png"], "leave out --like, --png"),
     ],
 )

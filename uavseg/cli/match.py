@@ -79,7 +79,7 @@ def command(options: MatchOptions) -> None:
     if options.png is not None:
         from uavseg.plot.page.page import check_png_target
 
-        check_distinct(files.target, options.png)
+        check_distinct(files.target, options.png, picture if options.ask else None)
         keep_inputs([options.png], options.source.rasters, options.like, options.unlike)
         check_png_target(options.png, files.overwrite)
     if options.ask:

@@ -346,7 +346,15 @@ class MatchOptions(TiledJobOptions):
         parse=texts.bands,
         label="Bands to compare",
     )
-    read: ReadOptions = group(ReadOptions, *reading.ONLY_MAPS, **reading.RASTER_STRETCH)
+    read: ReadOptions = group(
+        ReadOptions,
+        *reading.ONLY_MAPS,
+        **reading.RASTER_STRETCH,
+        flatten={
+            "help": "Take away light that changes slowly over this width, several times that of what is "
+            "sought, from the intensity and from each band that is compared (at most four)."
+        },
+    )
     refine: str = option(
         "Boundaries to the pixel, or at the edges of cells of 8 pixels.",
         default="pixel",

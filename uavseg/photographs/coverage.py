@@ -240,7 +240,10 @@ def planned_photographs(
 
 
 def _lines(xy: Floats, along: Floats, pitch: Floats, single: Bools) -> tuple[Integers, Floats]:
-    """Return line numbers and distances to the nearest on the line, (n,); turns `along` of single ones."""
+    """Number the lines of photographs (n,), and return the distance (n,) to the nearest one on the line.
+
+    A single one that ends a line, before the vehicle turns, has the direction of the line; it is changed.
+    """
     line, step_m = np.zeros(len(xy), int), np.full(len(xy) + 1, np.inf)
     for k in range(1, len(xy)):
         step = xy[k] - xy[k - 1]
@@ -278,7 +281,11 @@ def _turned(offset: Floats, yaw: Floats) -> tuple[Floats, Floats]:
 
 
 def _matched(plan: Planned, taken: Floats, sizes: Floats) -> tuple[Integers, Bools]:
-    """Return the index (n,) of that taken for each planned one, -1 for none, and which (m,) are near none."""
+    """Return the index (n,) of the photograph that was taken for each planned one, -1 for none, and others.
+
+    It is at most half of the distance between photographs away along the line, and a sixth of the diagonal of
+    a footprint, or that, across it. Others (m,) are farther than a footprint from every planned one.
+    """
     match, used = np.full(len(sizes), -1), np.zeros(len(taken), bool)
     others = np.full(len(taken), len(sizes) > 0)
     k, n = shapely.STRtree(shapely.points(taken)).query(shapely.points(plan.xy_m), "dwithin", distance=sizes)
@@ -307,7 +314,10 @@ def _counts(wanted: Any, outlines: Objects) -> Integers:
 
 
 def _gaps(wanted: Any, unseen: Any, outlines: Objects) -> tuple[Objects, float]:
-    """Return the parts that none shows, largest first and without thin ones, and the area of the rest."""
+    """Return the parts of what no photograph shows, largest first, and the area of those left out.
+
+    Parts narrower than `THIN_M` and steps of a centimetre, where footprints almost meet, are smoothed away.
+    """
     opened = shapely.buffer(unseen, -THIN_M / 2, join_style="mitre").buffer(THIN_M / 2, join_style="mitre")
     left = LOST * wanted.area - (unseen.area - opened.area)
     if left < 0:
@@ -375,7 +385,10 @@ def _overlaps(outlines: Objects, line: Integers, pairs: Integers) -> Overlaps:
 def _blurred(
     photographs: Sequence[Photograph], outlines: Objects, taken: Floats, plan: Planned, match: Integers
 ) -> tuple[tuple[str, ...], int]:
-    """Return the names of photographs that motion blurs, and of how many it is not known."""
+    """Return the names of photographs that motion blurs, and how many cannot be judged.
+
+    A speed that a photograph does not tell is that of its line, without waits, unless the vehicle hovers.
+    """
     tags = [(one.taken_s, one.exposure_s, one.speed_m_s, math.prod(one.image_px)) for one in photographs]
     taken_s, exposure_s, speed_m_s, pixels = np.array(tags, float).T
     for one in () if plan.is_hovering else np.unique(plan.line).tolist():

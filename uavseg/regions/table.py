@@ -77,7 +77,10 @@ class Regions:
 
 
 def plain_columns(*tables: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return columns of tables in plain types; a text that a table lacks is empty, a number NaN."""
+    """Return columns of tables, one after the other, as integers, floats or texts, which every format has.
+
+    A text that a table lacks is empty, a number NaN.
+    """
     import pandas
 
     plain: dict[str, NDArray[Any]] = {}

@@ -133,7 +133,10 @@ def _camera_calc(block: SurveyBlock, trigger_m: float) -> dict[str, Any]:
 
 
 def items_of_survey(item: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Return the items that a survey item holds; MissionError if it is another, or holds none."""
+    """Return the simple items that a survey item holds, which are what is flown.
+
+    A MissionError says that it is another complex item than a survey of version 5, or holds no items.
+    """
     item_type = shown(item.get("complexItemType", item["type"]), quoted=False)
     if item_type != "survey" or item.get("version") != SURVEY_VERSION:
         version = f" of version {shown(item.get('version'))}" if item_type == "survey" else ""

@@ -184,7 +184,10 @@ class _WaylineBuilder:
 
 
 def wayline_of(mission: Mission, format_name: str) -> Wayline:
-    """Turn a mission into a wayline; MissionError, which names the format, if an item is not for that."""
+    """Turn the commands of a mission into a wayline; `format_name`, such as "a .kmz", is for messages.
+
+    A MissionError says that an item is not for a flight along waypoints.
+    """
     builder = _WaylineBuilder(mission.home, format_name)
     for number, item in enumerate(mission.items, start=1):
         builder.add(number, item)
@@ -245,7 +248,10 @@ def _changes(before: WaylinePoint, after: WaylinePoint) -> Generator[MissionItem
 
 
 def mission_of_wayline(wayline: Wayline, name: str, notes: Sequence[str]) -> Mission:
-    """Turn a wayline into a mission from its first waypoint, at 0 m; MissionError if it is not safe."""
+    """Turn a wayline into a mission whose home is not known: at its first waypoint, 0 m above the sea.
+
+    A MissionError says that the mission would not be safe.
+    """
     home = HomePosition(wayline.points[0].lat, wayline.points[0].lon)
     items = tuple(items_of_wayline(wayline, home))
     autopilot = "ardupilot" if any(item.frame == mav.FRAME_TERRAIN for item in items) else "generic"

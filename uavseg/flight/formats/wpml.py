@@ -285,7 +285,10 @@ def _action(group: ET.Element, number: int, function: str, point: WaylinePoint, 
 
 
 def read_waylines(document: bytes) -> tuple[Wayline, list[str]]:
-    """Read a document's one wayline, with notes; MissionError if not one, or heights are ellipsoidal."""
+    """Read the one wayline of `waylines.wpml`, with notes of what was not read.
+
+    A MissionError says that it holds none or several, or that its heights are above the ellipsoid.
+    """
     root = parse_xml(document)
     config = _one(root, "Document/missionConfig")
     folders = root.findall("Document/Folder")

@@ -184,7 +184,10 @@ def items_of_fence(fence: Iterable[mav.Fence]) -> list[LinkItem]:
 
 
 def fence_of_items(items: Sequence[LinkItem]) -> tuple[mav.Fence, ...]:
-    """Return the fence that a vehicle sent, but its return point; MissionError for wrong or missing items."""
+    """Return the fence that a vehicle sent, without its return point.
+
+    A MissionError says that an item is not one of a fence, or that a polygon has fewer vertices than it says.
+    """
     rest = iter(item for item in items if item.command != FENCE_RETURN)
     return tuple(_fence_shape(item, rest) for item in rest)
 

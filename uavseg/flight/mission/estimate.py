@@ -124,7 +124,10 @@ class _Walk:
 
 
 def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPath:
-    """Return the legs of a mission as flown; in a wind from anywhere, with times of the longest flight."""
+    """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
+
+    In a wind from any direction, times are those of the direction in which the flight takes longest.
+    """
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""

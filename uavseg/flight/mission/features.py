@@ -135,7 +135,10 @@ def _set_trigger(photos: dict[str, float], item: MissionItem) -> None:
 
 
 def mission_of_features(features: Iterable[MissionFeature], name: str) -> Mission:
-    """Return the mission of features, with a name; MissionError if it is none, or would not be safe."""
+    """Return the mission that `features_of` made features of, with a name.
+
+    A MissionError says that these are not the features of a mission, or that it would not be safe.
+    """
     roles: dict[str, list[MissionFeature]] = {}
     for feature in features:
         roles.setdefault(feature.role, []).append(feature)

@@ -243,7 +243,10 @@ class FencePolygon:
 
 @dataclass(frozen=True, slots=True)
 class FenceCircle:
-    """A circle to stay inside or outside of; MissionError if not on Earth, or the radius not in 0-100 km."""
+    """A circle that the vehicle must stay inside or outside of.
+
+    A MissionError says that the centre is not on Earth, or the radius not above 0 and at most 100 km.
+    """
 
     lat: float  # of the centre, in degrees, WGS 84
     lon: float
@@ -265,7 +268,10 @@ class FenceCircle:
 
 @dataclass(frozen=True, slots=True)
 class RallyPoint:
-    """A place to return to instead of home; MissionError if not on Earth, or not above 0 and up to 1000 m."""
+    """A place to which the vehicle may return instead of home.
+
+    A MissionError says that it is not on Earth, or the altitude not above 0 and at most 1000 m.
+    """
 
     lat: float  # degrees, WGS 84
     lon: float

@@ -160,7 +160,10 @@ class Mission:
 
     @property
     def leg_speeds_m_s(self) -> tuple[float, ...]:
-        """Speed over ground asked for on the leg to each position; before an item sets one, the first."""
+        """Requested speed over ground on the leg to each item with a position.
+
+        Before the first item that sets a speed, it is that one.
+        """
         speed, speeds = self.speed_m_s, []
         for item in self.items:
             if item.command == mav.CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:

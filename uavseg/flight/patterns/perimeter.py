@@ -139,7 +139,10 @@ def _height(before: Floats, corner: Floats, after: Floats) -> float:
 
 
 def perimeter(region: Any, tolerance_m: float) -> Floats:
-    """Return the closed outer ring (N, 2) in metres, moved by `tolerance_m` at most (Douglas-Peucker)."""
+    """Return the outer ring of a region in metres, (N, 2) and closed, with few corners.
+
+    No point of it is moved farther than `tolerance_m` (Douglas-Peucker).
+    """
     return _simplified_ring(shapely.get_coordinates(region.exterior), tolerance_m)
 
 

@@ -245,7 +245,10 @@ class LegCosts:
         return seconds[::2], seconds[1::2]
 
     def of(self, track: Track) -> tuple[Floats, Floats]:
-        """Return the time of each leg with the hold at its end, and its items but corners, (n - 1,)."""
+        """Return the time of each leg, with the hold at its end, and its items besides corners, (n - 1,).
+
+        Items are changes of speed, and points that are added over uneven ground.
+        """
         legs = len(track.is_line)
         if not legs:
             return np.zeros(0), np.zeros(0)

@@ -58,7 +58,10 @@ def plane_of(
 def region_parts(
     regions: Iterable[Any], plane: Plane, points: Sequence[tuple[float, float]]
 ) -> list[RegionPart]:
-    """Return the connected parts of regions in metres, each with its point (lon, lat) or one inside."""
+    """Return the connected parts of regions, each with the given point if it lies inside, else another one.
+
+    The regions are in metres, the points degrees (lon, lat).
+    """
     parts = []
     places = np.column_stack(plane.xy_from_lonlat(*np.array(points).T)).tolist()
     for region, (x, y) in zip(regions, places, strict=True):
@@ -178,7 +181,10 @@ def plan_missions(
 
 
 def check_regions(count: int, params: PlanParams) -> None:
-    """Refuse more regions than can be ordered, before any work (MissionError); perimeters count later."""
+    """Refuse more regions than can be ordered, before any work (MissionError).
+
+    Perimeters inside of regions are counted later: small regions have none.
+    """
     if not (isinstance(params.how, PerimeterParams) and params.how.offset_m < 0):
         check_order(count)
 

@@ -172,7 +172,11 @@ MIN_LEG_M = 0.7  # a little more than the shortest leg that Litchi flies, 0.6 m
 
 
 def without_short_legs(track: Track, space: FreeSpace) -> Track:
-    """Return a track without transit legs below 0.7 m, where space allows: fewer corners, shorter lines."""
+    """Return a track whose transits have no leg shorter than 0.7 m, where free space allows that.
+
+    A corner of a transit too near to another one is left out if the leg past it is free. Else the line that
+    ends beside it ends that much earlier.
+    """
     track, k = replace(track, xy=track.xy.copy()), 1
     while k < len(track.xy) - 1:
         on_line_or_stop = track.is_line[k - 1 : k + 1].any() or track.shots[k] or track.hold_s[k]
@@ -192,7 +196,10 @@ PITCH_POINT_M = 5.0
 
 
 def with_pitch_points(track: Track) -> Track:
-    """Add a corner past the last line of each gimbal pitch, where it turns; MissionError without a leg."""
+    """Add a corner past the last line of each gimbal pitch, where the gimbal turns before the next line.
+
+    A MissionError says that there is no leg between the lines on which it could turn.
+    """
     for last, line in reversed(track.pitch_changes):
         start, end = track.xy[[last + 1, min(last + 2, line)]]
         length_m = math.dist(start, end)

@@ -40,7 +40,11 @@ class LinkRequest:
 
 @dataclass(frozen=True)
 class Transferred:
-    """A mission that a vehicle holds, as read back; `vehicle` names its autopilot and system id."""
+    """A mission that a vehicle holds, as reading it, or reading it back, has shown.
+
+    `vehicle` names its autopilot and system id; the warnings are those of the mission, and what the upload
+    found.
+    """
 
     mission: Mission
     vehicle: str

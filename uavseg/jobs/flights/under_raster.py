@@ -74,7 +74,10 @@ def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
 
 
 def valid_ground(source: Source) -> IsGround | None:
-    """Return a function that tells if a place (lat, lon) is on a valid pixel; None where none can."""
+    """Return a function that reads whether a place (lat, lon in degrees) lies on a valid pixel.
+
+    None where the source has no pixels at hand, or no place on the Earth.
+    """
     pixels = source.raster if isinstance(source, Blocks) else source
     if not isinstance(pixels, Pixels) or pixels.geobox.crs is None:
         return None

@@ -127,7 +127,11 @@ def _with(regions: Regions, columns: dict[str, Any]) -> Regions:
 
 
 def _view(polygon: Any, grey: GreySource, gap_m: float) -> tuple[fit.Evidence | None, float, Any]:
-    """Return what cells say of an object, the share of its border that is free, and its outline in pixels."""
+    """Return what cells say of an object, which share of its border is free, and its solid outline in pixels.
+
+    That is the outline of all that is not free and connected with the object, its hidden inside too, where
+    that is one piece and free space surrounds it; else the polygon itself, with gaps closed.
+    """
     from scipy import ndimage
 
     bounds, block = np.array(polygon.bounds), np.ones((3, 3), bool)

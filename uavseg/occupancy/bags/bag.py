@@ -133,7 +133,10 @@ def _bounded(make: Callable[[], Any]) -> Callable[[bytes], bytes]:
 
 
 def check_overlap(chunks: list[Any], path: str) -> None:
-    """Refuse an MCAP file whose chunks overlap in time, so that too many bytes are unpacked at once."""
+    """Refuse an MCAP file of which too many bytes are unpacked at once: messages are merged by time.
+
+    `chunks` are those of rosbags' reader, which checks the unpacked size of each when it unpacks it.
+    """
     changes = [(chunk.message_start_time, chunk.uncompressed_size) for chunk in chunks]
     changes += [(chunk.message_end_time + 1, -chunk.uncompressed_size) for chunk in chunks]
     together = 0

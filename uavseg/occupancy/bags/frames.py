@@ -45,7 +45,11 @@ class PoseTrack:
     quaternions: Floats  # (n, 4) float64; unit ones, x, y, z, w
 
     def at(self, time: int) -> Transform | None:
-        """Interpolate a pose at a time in ns, by slerp; None before, after, and in gaps of over a second."""
+        """Interpolate the pose at a time in nanoseconds: linearly, the rotation by slerp.
+
+        None before the first and after the last pose, and where the poses around are more than a second
+        apart: nothing is extrapolated.
+        """
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return Transform(matrix_of_quaternion(self.quaternions[after]), self.shifts[after])

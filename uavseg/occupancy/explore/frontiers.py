@@ -73,7 +73,10 @@ def _group(found, index, cells, widths):  # type: ignore[no-untyped-def]
 
 
 def rays_for(range_cells: float, first: float = 0.0, fov: float = tau) -> Floats:
-    """Return rays (n, 2), rows and columns of a step, from an angle (radians) on; none misses a frontier."""
+    """Return rays from an angle on, so close that no frontier lies between two at the end of the range.
+
+    The result (n, 2) are the rows and columns of one step; angles are radians, from the columns to the rows.
+    """
     turn = min(max(int(tau * range_cells / _CELLS_BETWEEN_RAYS), 16), _MAX_RAYS)
     angles = first + tau * np.arange(max(int(turn * fov / tau), 1)) / turn
     return np.asarray(np.stack([np.sin(angles), np.cos(angles)], axis=1))

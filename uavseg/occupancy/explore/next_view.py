@@ -245,7 +245,10 @@ def _ordered(
 
 
 def tour_from(lengths: Floats, depths: Floats) -> list[int]:
-    """Return the order of views with a short way less the last depth (n,), by lengths (n + 1, n + 1)."""
+    """Return the order of views, counted from 0, for which the way less the depth of the last is short.
+
+    `lengths` (n + 1, n + 1) are between the start and the views, `depths` are (n,).
+    """
     stops = Stops.of([np.array([[k, k]]) for k in range(1, len(lengths))])
     to_end = np.pad(lengths, (0, 1))
     to_end[1:-1, -1] = to_end[-1, 1:-1] = depths.max() - depths

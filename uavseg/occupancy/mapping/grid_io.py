@@ -81,7 +81,10 @@ def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fadi
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
-    """Read probabilities (rows, cols), 0.5 where unknown, from the highest row on, and their position."""
+    """Read the probabilities of a message, and the position of its cells.
+
+    They are (rows, cols) in 0..1, exactly 0.5 where unknown; the first row is the highest.
+    """
     resolution = _number_of(message, "info.resolution")
     shape = (_count(message, "info.height"), _count(message, "info.width"))
     check_cells(shape, "this OccupancyGrid message")

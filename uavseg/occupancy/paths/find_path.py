@@ -56,7 +56,10 @@ NearestCell = tuple[float, int, float, float]
 
 @dataclass(frozen=True)
 class FreeCells:
-    """Cells of a map in a region and in range, as means of blocks hide walls of a cell or two."""
+    """The free cells of a map whose regions are known: in a region, and with their value in range.
+
+    The mean of a block hides walls that are a cell or two thin, so a region alone is not passable throughout.
+    """
 
     source: GreySource  # the map
     rings: Rings  # outlines of its regions

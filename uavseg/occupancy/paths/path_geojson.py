@@ -43,7 +43,10 @@ def path_lonlat(path: PlannedPath, corners: Floats | None = None) -> tuple[Float
 
 
 def path_to_geojson(path: PlannedPath) -> str:
-    """Write a FeatureCollection of one line in WGS 84, split at the antimeridian, or local without a CRS."""
+    """Write a FeatureCollection of one line: WGS 84 with decimals as the cells need, or local without a CRS.
+
+    A line that crosses the antimeridian is split there. A path of one cell has two equal positions.
+    """
     properties = {
         "length_m": round(path.length_m, 6),
         "cells": path.cells,

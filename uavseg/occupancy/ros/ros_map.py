@@ -350,7 +350,10 @@ def read_picture(image: str | os.PathLike[str]) -> tuple[NDArray[np.uint8], NDAr
 
 
 def transform_of(origin: tuple[float, float, float], resolution: float, rows: int) -> Affine:
-    """Make the transform of a map with a lower left corner (x, y, yaw) and cells of so many metres."""
+    """Make the transform of a map whose lower left corner lies at `origin` (x, y, yaw), rotated around it.
+
+    `resolution` is metres per cell.
+    """
     x, y, yaw = origin
     along, up = resolution * math.cos(yaw), resolution * math.sin(yaw)
     return Affine(along, up, x - rows * up, up, -along, y + rows * along)
@@ -376,7 +379,10 @@ def is_pgm(path: str | os.PathLike[str]) -> bool:
 
 
 def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
-    """Read the samples (rows, cols) of a PGM, and the one from which on they are white."""
+    """Read the samples of a PGM, and the sample that stands for white.
+
+    They are (rows, cols), not negative; those above the maximum are white too.
+    """
     content = read_bytes(path, limit=MAX_BYTES)
     header = _HEADER.match(content)
     if header is None:

@@ -39,7 +39,11 @@ BUILT_IN_SCENES: dict[str, Callable[[], Simulation]] = {"lens": lens, "circles":
 def lens_outline(
     x: float, y: float, height: float, edge: float, waist: float, arc_corners: int = 65
 ) -> NDArray[np.float64]:
-    """Compute corners (2 arc_corners, 2) of a lens in metres: `edge` wide at its ends, `waist` in between."""
+    """Compute the corners (2 arc_corners, 2) of a lens with two concave sides, counterclockwise.
+
+    The centre and all lengths are in metres; `edge` is the width at the top and bottom, `waist` in the
+    middle.
+    """
     sag = (edge - waist) / 2
     radius = (sag**2 + (height / 2) ** 2) / (2 * sag)
     half_angle = math.asin(height / 2 / radius)

@@ -170,7 +170,11 @@ class OpenFiles:
         return files[path]
 
     def failed_blocks(self, path: str, bands: tuple[int, ...]) -> set[tuple[int, int]]:
-        """Return first row and column of blocks that this thread could not read, and does not try again."""
+        """Return first row and column of the blocks that this thread could not read, to be added to.
+
+        A block is not tried again for each tile that it meets: where a strip of a damaged file is as wide as
+        the raster, that took most of the time.
+        """
         known: dict[tuple[str, tuple[int, ...]], set[tuple[int, int]]]
         known = self._local.__dict__.setdefault("failed", {})
         return known.setdefault((path, bands), set())
@@ -191,7 +195,10 @@ class OpenFiles:
 
 @contextmanager
 def gdal_env(online: bool = False) -> Iterator[None]:
-    """Capture GDAL's messages, without requests unless `online`; cache blocks little by default."""
+    """Capture GDAL's messages, without requests unless `online`, and with a small block cache.
+
+    The cache is left as it is where GDAL_CACHEMAX is set.
+    """
     if _thread_options.hold(online):
         yield
         return

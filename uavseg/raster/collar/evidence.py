@@ -309,7 +309,10 @@ class Evidence:
 
 
 def is_one_piece(mask: PixelMask, shape: tuple[int, int]) -> bool:
-    """Return whether nearly all outside of a set is connected, coarsely, with one of its quartiles."""
+    """Return whether nearly all that is not in a set is connected, at a coarse scale.
+
+    If so, it is reached from one of the three pixels at the quartiles of it in raster order.
+    """
     rows, cols = (sample_positions(0, length, min(length, COARSE)) for length in shape)
     picture = ~mask.sample(rows, cols)
     places = np.flatnonzero(picture)

@@ -144,7 +144,10 @@ class _Grid:
         return [(i, j) for i, j in self.windows if i in (0, rows) or j in (0, cols)]
 
     def shore(self, place: tuple[int, int], known: dict[tuple[int, int], Flooded]) -> Lines:
-        """Return the flooded pixels around a tile: rows with their corners, (cols + 2,), then columns."""
+        """Return the flooded pixels around a tile; all that lies beyond the raster is flooded.
+
+        They are the rows above and below with their corners, (cols + 2,), and the columns left and right.
+        """
         (i, j), rows, cols = place, self.windows[place].rows, self.windows[place].cols
 
         def line(of: tuple[int, int], side: int, length: int) -> Pixels:

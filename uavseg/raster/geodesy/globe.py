@@ -203,7 +203,10 @@ def equatorial_radius(wkt: str | None) -> float:
 
 @lru_cache(maxsize=32)
 def lonlat_transform(wkt: str | None) -> Transform:
-    """Return the transform from a CRS to degrees (on Earth WGS 84); RasterError if it has none."""
+    """Return the transform from a CRS to longitude and latitude in degrees; RasterError if it has none.
+
+    WGS 84 on the Earth; on another celestial body, the geographic CRS that the CRS is made from.
+    """
     on_earth = is_on_earth(wkt)
     utm = _utm_zone(wkt or "")
     if utm is not None:

@@ -148,7 +148,10 @@ def read_naming_bad_block(
 def read_skipping_bad_blocks(
     file: RasterFile, handles: OpenFiles, choice: BandChoice, window: Window, shape: tuple[int, int]
 ) -> tuple[Values, Valid | None, list[MissingPart]]:
-    """Call `RasterFile.read` with bad blocks invalid; return these too, in order, with their places."""
+    """Call `RasterFile.read`, with the pixels of bad blocks invalid.
+
+    Besides, the blocks that cannot be read are returned, in raster order, with their index in the arrays.
+    """
     bands = tuple(choice.bands)
     if handles.bad_as_a_whole(file.path, bands, partial(_is_bad_as_a_whole, file, handles, choice)):
         whole = BadBlock(file.path, 0, 0, *file.shape), (slice(shape[0]), slice(shape[1]))

@@ -79,7 +79,10 @@ def is_open_raster(source: object) -> bool:
 
 
 def from_open_raster(source: Any) -> RasterFile:
-    """Return the file of an open raster, or the raster; ParameterError if closed or open for writing."""
+    """Return the file that an open raster names, where that is the same raster; else the raster itself.
+
+    A ParameterError says that it is closed, or open for writing; other errors are those of `inspect_file`.
+    """
     if isinstance(source, MemoryFile):
         raise ParameterError("a MemoryFile is no raster yet; open it, and give what its open() returns")
     if source.closed:

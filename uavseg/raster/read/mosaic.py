@@ -45,7 +45,10 @@ class Mosaic:
             yield file, part.relative_to(whole), part.relative_to(window).slices
 
     def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
-        """Yield files whole with their index in the mosaic at `shape`; those below a pixel perhaps not."""
+        """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
+
+        A file smaller than a pixel of that array may be left out.
+        """
         scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
         places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
         for file, (row, col, end_row, end_col) in zip(self.files, places.tolist(), strict=True):
@@ -73,7 +76,10 @@ def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
 def with_nodata(
     files: Sequence[RasterSource], choice: BandChoice, nodata: float | str | None
 ) -> tuple[tuple[RasterSource, ...], tuple[str, ...]]:
-    """Return the files with the nodata in effect, see `bands.as_nodata`, and all warnings."""
+    """Return the files with the nodata values in effect, and all warnings.
+
+    A number that the user names counts beside that of a file; "only:V" takes its place, "none" leaves it out.
+    """
     named, in_place = nodata_in_place(nodata)
     found: list[RasterSource] = []
     warnings: list[str] = []

@@ -91,7 +91,10 @@ class RasterFile:
 
     @property
     def fails_by_block(self) -> bool:
-        """Whether a part of a block fails as the whole does: not in a VRT, or with a mask in other blocks."""
+        """Whether a part of a block can be read if and only if the whole block can.
+
+        False for drivers that read parts of blocks (VRT), and for masks with blocks of their own.
+        """
         return self.driver == "GTiff" and not self.masks
 
     def fingerprint(self) -> tuple[tuple[FileState, ...], tuple[float | None, ...]]:
@@ -158,7 +161,10 @@ class RasterFile:
         return self.read(OpenFiles(), replace(choice, bands=bands), Window(0, 0, *self.shape))[0]
 
     def is_empty(self, handles: OpenFiles, choice: BandChoice, window: Window) -> bool:
-        """Return whether a sparse file has no block in `window`; False where that is not known."""
+        """Return whether a sparse file stores no block inside `window`, so that every pixel is invalid.
+
+        False where that is not known without decoding.
+        """
         if self.driver != "GTiff":
             return False
         with opening.gdal_read_errors(self.path, window, self.online):
@@ -169,7 +175,10 @@ class RasterFile:
             return SparseBlocks(source, self.path, choice.bands).is_empty(window)
 
     def cut_off_blocks(self, handles: OpenFiles, choice: BandChoice, window: Window) -> set[tuple[int, int]]:
-        """Return first row and column of blocks known to begin beyond the end of the file."""
+        """Return first row and column of the blocks in a window that begin beyond the end of the file.
+
+        They need not be tried. None where that is not known without trying.
+        """
         rows, cols = self.block
         if self.driver != "GTiff" or not os.path.isfile(self.path):  # noqa: PTH113 - false for a long name
             return set()

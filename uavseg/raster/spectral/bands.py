@@ -95,7 +95,10 @@ class ValueAxis:
             return self.scale.values(self.low + np.asarray(v, np.float64) * (self.high - self.low))
 
     def ends(self, low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
-        """Return the least and largest value of ranges of v; NaN where one is open, clipped at 0 or 1."""
+        """Return the smallest and the largest value of ranges of v; NaN where a range is open.
+
+        It is open at v = 0 or 1 where the stretch clips, because all that lies beyond has that v.
+        """
         low, high = np.asarray(low, np.float64), np.asarray(high, np.float64)
         first = np.where((low <= 0) & (self.low > self.limits[0]), nan, self.values(low))
         last = np.where((high >= 1) & (self.high < self.limits[1]), nan, self.values(high))

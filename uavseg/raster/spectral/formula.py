@@ -163,7 +163,11 @@ def _power(base: Any, exponent: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Expression:
-    """Band arithmetic, checked; steps are numpy functions in doubles, so no tile or thread changes them."""
+    """Band arithmetic, checked and ready to be computed chunk by chunk.
+
+    Every step is one function of numpy in double precision, in the order in which it is written, so neither
+    tiles nor threads change a bit.
+    """
 
     text: str
     bands: tuple[int, ...]  # those that it uses, counted from 1, in the order of their first use

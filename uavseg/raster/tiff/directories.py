@@ -192,7 +192,10 @@ def mask_page(path: str) -> int | None:
 
 
 def strip_rows(path: Path, source: DatasetReader) -> int | None:
-    """Return the rows of a strip of an open TIFF; None for tiles; RasterBlockError without directory."""
+    """Return the rows of a strip of an image of a local TIFF; None if it is stored in tiles.
+
+    `source` is the image, open. A RasterBlockError says that its directory cannot be read.
+    """
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
     try:
         with path.open("rb") as file:
@@ -270,7 +273,10 @@ def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
 
 
 def is_cut_off(source: DatasetReader, bands: Sequence[int], size: int, row: int, col: int) -> bool:
-    """Return whether, at a size in bytes, a block of some bands begins beyond the end of a TIFF."""
+    """Return whether a block of an open TIFF begins beyond its end, at a size in bytes, in one of some bands.
+
+    An interrupted download leaves such a file.
+    """
     name = f"BLOCK_OFFSET_{col}_{row}"
     return any(int(source.get_tag_item(name, "TIFF", bidx=band) or 0) >= size for band in bands)
 

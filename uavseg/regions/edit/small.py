@@ -63,7 +63,10 @@ def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area 
 
 
 def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
-    """Return areas (n,) in the unit of `unit`, m2 or pixels; ParameterError for m2 without a CRS."""
+    """Return the area of each region, (n,), in the unit of `unit`: square metres or pixels.
+
+    Square metres are refused with a ParameterError where there is no CRS.
+    """
     rings = outlined.rings
     areas = np.bincount(rings.labels, _areas(rings, geobox, unit), len(outlined.sums.counts) + 1)
     return np.asarray(areas[1:], np.float64)

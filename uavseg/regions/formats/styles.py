@@ -32,7 +32,10 @@ _CREATE = f"""CREATE TABLE {STYLE_TABLE} (
 
 
 def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
-    """Return the column that colours regions, with the colours of its values; None for one colour."""
+    """Return the column by which regions are coloured, and its values with colours; None for one colour.
+
+    Classes without a colour get colours from a palette, in the order of their names.
+    """
     if "class" in regions.columns:
         classes = regions.columns["class"].tolist()
         given = regions.columns["color"].tolist() if "color" in regions.columns else ()
@@ -138,7 +141,10 @@ def _ramp(k: int, count: int) -> str:
 
 
 def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = False) -> Path:
-    """Return the qml or sld file (OutputError if neither) beside a file of regions, if it may be made."""
+    """Return the style file of a file of regions (its stem with .qml or .sld), if it may be made.
+
+    The format is "qml" or "sld". An OutputError says that it is another one, or as of `check_target`.
+    """
     if format not in ("qml", "sld"):
         raise OutputError(f"a style is qml (of QGIS) or sld, not {format!r}")
     return check_target(Path(target).with_suffix(f".{format}"), overwrite)

@@ -211,7 +211,10 @@ _CLOSE_VERTEX, _CLOSE_RING, _CLOSE_POLYGON = pack_words(["],", "]],", "]]]\n"])
 
 
 def write_kml(regions: Regions, stream: IO[bytes]) -> None:
-    """Write regions as KML, in WGS 84, cut at the antimeridian; OutputError if they are not on the Earth."""
+    """Write regions as KML, in WGS 84 with decimals as the pixels need, cut at the antimeridian.
+
+    An OutputError says that the regions are not on the Earth.
+    """
     fields = (
         f'<SimpleField name="{name}" type="{_TYPES[column.dtype.kind]}"/>'
         for name, column in regions.columns.items()

@@ -191,7 +191,10 @@ def check_feature_count(source: Path_ | bytes, name: str, layer: str | None = No
 
 
 def check_count(count: int, features: int, name: str) -> None:
-    """Refuse a layer that claims other features (-1: unknown) than are read; RegionError about `name`."""
+    """Refuse a layer of which fewer or more features were read than it claims, with a RegionError.
+
+    It claims `features`, -1 if unknown, and `count` were read; `name` is for messages.
+    """
     if features not in (-1, count):
         raise RegionError(f"{name} claims {features:,} features, and {count:,} can be read; it is damaged")
 

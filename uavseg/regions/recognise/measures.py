@@ -27,7 +27,10 @@ _UNIFORM = np.array([code.bit_count() if _CHANGES[code] <= 2 else 9 for code in 
 
 
 def local_metres(regions: Regions) -> Objects:
-    """Project polygons to metres around a corner of each, y to true north; without a CRS, as they are."""
+    """Project each polygon to metres around a corner of its own (azimuthal equidistant), y to true north.
+
+    Without a CRS, coordinates are taken for metres and y for north.
+    """
     if regions.wkt is None:
         return np.array([*regions.polygons], object)
 

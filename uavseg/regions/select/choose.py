@@ -54,7 +54,10 @@ def select_regions(
 
 
 def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
-    """Return the mask of regions of classes; RegionError if there is no class, column, or region of one."""
+    """Return the mask of the regions that are of some classes, by their column `class`.
+
+    A RegionError says that no class is named, there is no such column, or no region of one of the classes.
+    """
     if not names:
         raise RegionError("no class is named; leave classes out to take the regions of all")
     if "class" not in regions.columns:

@@ -147,7 +147,10 @@ def check_sums(source: GreySource, job: TileJob, tile: GreyTile) -> None:
 
 
 def sum_regions(source: GreySource, outlined: RegionOutlines, tile_pass: TilePass) -> components.Sums:
-    """Sum each region over all valid pixels that its outlines enclose; contrasts and similarities stay."""
+    """Sum each region over all valid pixels that its outlines enclose, read again from the raster.
+
+    The contrast across borders, and the similarity to classes, stay as they were.
+    """
     sums = outlined.sums
     greys, squares = np.zeros_like(sums.greys), np.zeros_like(sums.squares)
     counts, excess = np.zeros_like(sums.counts), np.zeros_like(sums.counts)
