@@ -297,6 +297,8 @@ def compare(
     nodata: float | str | None = None,
     stretch: str | None = None,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,

@@ -127,6 +127,8 @@ def serve(
     threads: int | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> MapServer:
@@ -198,6 +200,8 @@ def map_page(
     overwrite: bool = False,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Path:

@@ -20,7 +20,7 @@ from uavseg.plot.preview import preview as draw_raster
 from uavseg.plot.preview_missions import preview_missions
 
 _LAYERS = ("regions", "states", "leaves", "labels", "levels", "path")
-_OF_RASTERS = (*_LAYERS, "band", "rgb", "index", "expr", "band_names", "nodata")
+_OF_RASTERS = (*_LAYERS, "band", "rgb", "index", "expr", "band_names", "nodata", "bounds", "aoi")
 
 
 @checked
@@ -47,6 +47,8 @@ def preview(
     overwrite: bool = False,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Path:
@@ -67,7 +69,8 @@ def preview(
         levels may be a GeoDataFrame, and path what `uavseg.path` gives.
     dem : path or sequence of paths, optional
         For missions without a raster: the ground below them.
-    band, rgb, index, expr, band_names, nodata, stretch, skip_bad_tiles, collar, allow_path, allow_network
+    band, rgb, index, expr, band_names, nodata, stretch, skip_bad_tiles, collar
+    bounds, aoi, allow_path, allow_network
         As of `extract`.
     width : int
         Width of the picture in pixels, 200 to 8000.

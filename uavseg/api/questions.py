@@ -66,6 +66,8 @@ def match(
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -176,6 +178,8 @@ def suggest(
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> list[Suggestion] | list[SampleRange]:
@@ -254,6 +258,8 @@ def info(
     threads: int | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Summary | RegionFile:

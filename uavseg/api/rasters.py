@@ -56,6 +56,8 @@ def extract(
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -121,6 +123,12 @@ def extract(
         Whether blocks of a file that cannot be read count as nodata. Each gives a warning.
     collar : {"auto", "keep"}
         Whether an untagged black or white collar along the edge counts as nodata, with a warning, or is kept.
+    bounds : (float, float, float, float), optional
+        West, south, east and north in the coordinates of the raster, which ends there: it has the pixels
+        whose centres lie between them.
+    aoi : path, optional
+        The area of interest, a file of polygons in any CRS. The raster ends at its bounding box; of this,
+        pixels whose centres lie in no polygon count as nodata.
         An array in memory has none.
     allow_path : path or sequence of paths
         Folders in which the contents of files may name others (sources of a VRT, the image of a ROS map, the
@@ -179,6 +187,8 @@ def levels(
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -245,6 +255,8 @@ def divide(
     resume: str | os.PathLike[str] | None = None,
     skip_bad_tiles: bool = False,
     collar: str = "auto",
+    bounds: tuple[float, float, float, float] | None = None,
+    aoi: str | os.PathLike[str] | None = None,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> BlockMap:
@@ -259,6 +271,8 @@ def divide(
     resume : path, optional
     skip_bad_tiles, allow_network : bool
     collar : {"auto", "keep"}
+    bounds : (float, float, float, float), optional
+    aoi : path, optional
     allow_path : path or sequence of paths
         As of `extract`.
     """

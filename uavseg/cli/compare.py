@@ -25,7 +25,7 @@ def command(options: CompareOptions) -> None:
     job, least = compare_job(options), as_area(options.min_area)
     write.check_targets(output, None, overwrite)
     write.check_distinct(output, png)
-    write.keep_inputs([output, png], options.before, options.after)
+    write.keep_inputs([output, png], options.before, options.after, options.read.aoi)
     if png is not None:
         from uavseg.plot.page.page import check_png_target
 

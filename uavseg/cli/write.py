@@ -209,7 +209,8 @@ class RegionFiles:
         self.labels, self.creation = outputs.labels, creation_of(options.creation, {outputs.labels: "uint32"})
         check_targets(self.target, outputs.labels, self.overwrite)
         self.style = _checked_style(outputs.style, self.target, self.overwrite)
-        keep_inputs([self.target, outputs.labels, *others], options.source.rasters, *inputs)
+        inputs = (options.source.rasters, options.read.aoi, *inputs)
+        keep_inputs([self.target, outputs.labels, *others], *inputs)
 
     def check_crs(self, wkt: str | None) -> None:
         """Refuse regions that have no place where they are to be written."""

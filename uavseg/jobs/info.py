@@ -102,7 +102,7 @@ def source_words(sources: Sequence[str]) -> list[str]:
 
 _ORDER = (
     *("index", "expr", "band_names", "band", "rgb", "nodata", "stretch"),
-    *("skip_bad_tiles", "free_is_white", "collar", "flatten"),
+    *("skip_bad_tiles", "free_is_white", "collar", "flatten", "bounds", "aoi"),
 )
 
 

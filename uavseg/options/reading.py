@@ -26,7 +26,7 @@ MAP_STRETCH: dict[str, Any] = {  # what differs where a map of probabilities is 
     "free_is_white": {"python": True},
 }
 RASTER_STRETCH: dict[str, Any] = {"stretch": {"default": "auto"}}
-ONLY_RASTERS = ("rgb", "collar", "skip_bad_tiles", "flatten")
+ONLY_RASTERS = ("rgb", "collar", "skip_bad_tiles", "flatten", "bounds", "aoi")
 ONLY_MAPS = ("free_is_white",)
 
 
@@ -95,6 +95,14 @@ class ReadOptions(Options):
         metavar="M|Npx",
         label="Take slow light away over (m, or pixels as 200px)",
     )
+    bounds: tuple[float, float, float, float] | None = option(
+        "Read only the pixels whose centres lie between these coordinates of the raster.",
+        metavar="W,S,E,N",
+        parse=texts.numbers("--bounds is W,S,E,N, such as 512340,5478340,512500,5478620", 4),
+    )
+    aoi: str | PathLike[str] | None = option(
+        "Read only what lies in the polygons of this file; the rest counts as nodata.", metavar="FILE"
+    )
     free_is_white: bool | None = option(
         "Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
         "--free-is-white/--free-is-black",
@@ -102,13 +110,14 @@ class ReadOptions(Options):
 
     def __post_init__(self) -> None:
         from uavseg.raster.collar.find import check_collar
-        from uavseg.raster.grid.geobox import as_length
+        from uavseg.raster.grid.geobox import as_bounds, as_length
         from uavseg.raster.intensity.stretch import parse_stretch
         from uavseg.raster.spectral.bands import as_nodata
 
         check_collar(self.collar)
         object.__setattr__(self, "nodata", as_nodata(self.nodata))
         object.__setattr__(self, "flatten", as_length(self.flatten))
+        object.__setattr__(self, "bounds", as_bounds(self.bounds))
         if isinstance(self.stretch, str):
             object.__setattr__(self, "stretch", parse_stretch(self.stretch))
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from uavseg.errors import MapError, ParameterError, RasterReadError, UnchosenBandsError
-from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, Source
+from uavseg.jobs.source.source import AUTO, Blocks, ProbabilityMap, Raster, Source, open_dataset
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import shown
 from uavseg.raster.intensity.stretch import Stretch, StretchSpec
@@ -158,16 +158,14 @@ def _raster(source: Any, options: ReadOptions, first: RasterFile | None = None) 
     """Open a raster, of which the first file may be inspected already."""
     given = [source] if _is_path(source) else source if isinstance(source, list | tuple) else []
     names = tuple(os.fspath(part) for part in given if _is_path(part))
-    if isinstance(source, Dataset):
-        dataset = replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
-    else:
-        dataset = options.open([first, *given[1:]] if first else source)
+    dataset = open_dataset([first, *given[1:]] if first else source, options)
     return Raster(dataset, options.spec or AUTO, options, names)
 
 
-def _refuse_flatten(options: ReadOptions, what: str) -> None:
-    if options.flatten is not None:
-        raise ParameterError(f"{what}; leave flatten out")
+def _refuse(options: ReadOptions, what: str, *names: str) -> None:
+    given = [name for name in names if getattr(options, name) is not None]
+    if given:
+        raise ParameterError(f"{what}; leave {' and '.join(given)} out")
 
 
 def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
@@ -176,7 +174,8 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
     if options.chooses_pixels or options.stretches("auto"):
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     why = "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
-    _refuse_flatten(options, why)
+    _refuse(options, why, "flatten")
+    _refuse(options, "a block map is of the whole of its raster (uavseg divide --bounds)", "bounds", "aoi")
     return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 
@@ -189,7 +188,8 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
         raise ParameterError("a ROS map has neither bands nor nodata; leave band, rgb and nodata out")
     if options.stretches("auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
-    _refuse_flatten(options, "a ROS map holds probabilities, which have no light")
+    _refuse(options, "a ROS map holds probabilities, which have no light", "flatten")
+    _refuse(options, "a ROS map is read whole", "bounds", "aoi")
     return ProbabilityMap(*open_map(parts[0]), ros_map=os.fspath(parts[0]))
 
 
@@ -207,7 +207,8 @@ def _unknown_polarity(picture: Path) -> str:
 def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
     if options.chooses_pixels:
         raise ParameterError("a map has one band and no nodata; leave band, rgb and nodata out")
-    _refuse_flatten(options, "a map holds probabilities, which have no light")
+    _refuse(options, "a map holds probabilities, which have no light", "flatten")
+    _refuse(options, "a map in memory is read whole", "bounds", "aoi")
     dataset = grid.dataset()
     chosen = options if options.stretches("auto") else ReadOptions()
     return ProbabilityMap(dataset, _probability_stretch(dataset, chosen))

@@ -214,6 +214,8 @@ class Raster(Pixels):
             words=options.formula,
             collar="auto" if found else "keep",
             flatten=None if options.flat_field is None else options.flat_field.word,
+            bounds=options.bounds,
+            aoi=None if options.aoi is None else str(options.aoi),
         )
 
 
@@ -279,13 +281,29 @@ class Blocks:
         if is_ros_map(paths[0]):
             return ProbabilityMap(*open_map(paths[0]), ros_map=paths[0])
         stretch, words = self.saved.stretch, origin.words
-        chosen: dict[str, Any] = {name: getattr(origin, name) for name in ("band", "rgb", "nodata", "collar")}
+        names = ("band", "rgb", "nodata", "collar", "bounds")
+        chosen: dict[str, Any] = {name: getattr(origin, name) for name in names}
+        if origin.aoi is not None:
+            *paths, chosen["aoi"] = paths
         chosen |= {"index": words.index, "expr": words.expr, "band_names": words.names}
         options = ReadOptions(**chosen, stretch=stretch, skip_bad_tiles=self.skip_bad_tiles)
-        return Raster(options.open(paths), stretch, options, tuple(paths))
+        return Raster(open_dataset(paths, options), stretch, options, tuple(paths))
 
 
 Source = Raster | Blocks | ProbabilityMap
+
+
+def open_dataset(source: Any, options: ReadOptions) -> Dataset:
+    """Open rasters with options, or take a dataset, and cut out the part of it that these say."""
+    if isinstance(source, Dataset):
+        dataset = replace(source, skip_bad_tiles=source.skip_bad_tiles or options.skip_bad_tiles)
+    else:
+        dataset = options.open(source)
+    if options.bounds is None and options.aoi is None:
+        return dataset
+    from uavseg.jobs.source.clip import clipped
+
+    return clipped(dataset, options)
 
 
 def check_unchanged(grey: GreySource, source: Blocks) -> None:

@@ -14,6 +14,7 @@ from uavseg.arguments import checked
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
+from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.grid.tiling import Window
 from uavseg.warning_filters import changing_filters
@@ -51,6 +52,21 @@ def as_length(given: "Length | float | str | None") -> Length | None:
         return given
     expected = "a detail or a width is metres such as 2.5, or pixels such as 8px"
     return Length(*parse_size(given, expected, {"m": 1.0}))
+
+
+def as_bounds(given: Any) -> tuple[float, float, float, float] | None:
+    """Return west, south, east and north as numbers; ParameterError if they are not, or not in this order."""
+    if given is None:
+        return None
+    try:
+        west, south, east, north = (float(number) for number in given)
+    except (TypeError, ValueError, OverflowError):
+        west = math.nan
+    if not (-math.inf < west < east < math.inf and -math.inf < south < north < math.inf):
+        raise ParameterError(
+            f"bounds are west, south, east and north in the raster's coordinates, not {shown(given)}"
+        )
+    return west, south, east, north
 
 
 def parse_size(given: float | str, expected: str, units: Mapping[str, float]) -> tuple[float, bool]:

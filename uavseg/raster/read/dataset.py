@@ -123,6 +123,7 @@ class Dataset:
     skip_bad_tiles: bool = False
     local_metres: bool = False  # without a CRS, coordinates are known to be metres
     collar: PixelMask | None = None  # pixels that count as nodata, see `raster.collar.find`
+    outside: PixelMask | None = None  # pixels that count as nodata too: those beyond an area of interest
     _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
@@ -269,6 +270,10 @@ class Dataset:
         return self.mosaic.files[0].name
 
     @property
+    def _masks(self) -> list[PixelMask]:
+        return [mask for mask in (self.collar, self.outside) if mask is not None]
+
+    @property
     def _parts(self) -> PartReader:
         return PartReader(self.choice, self._handles, self.skip_bad_tiles)
 
@@ -280,12 +285,13 @@ class Dataset:
         """Content hash input: the files as they are now, and the options for reading them."""
         files = tuple(file.fingerprint() for file in self.mosaic.files)
         layout = self.mosaic.files[0].layout
-        return files, self.mosaic.boxes, self.choice, layout, self.skip_bad_tiles, self.collar
+        place = self.mosaic.boxes, self.mosaic.geobox.shape, self.collar, self.outside
+        return files, *place, self.choice, layout, self.skip_bad_tiles
 
     @checked
     def is_empty(self, window: Window) -> bool:
         """Return whether no pixel of `window` is valid, as far as is known without decoding."""
-        if self.collar is not None and self.collar.covers(window):
+        if any(mask.covers(window) for mask in self._masks):
             return True
         return all(
             file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
@@ -307,13 +313,16 @@ class Dataset:
             If a file is damaged inside the window, and `skip_bad_tiles` is false.
         """
         if len(self.mosaic.files) == 1:
-            values, valid = self._parts.read(self.mosaic.files[0], window)
+            row, col = self.mosaic.boxes[0, :2].tolist()
+            part = replace(window, row=window.row - row, col=window.col - col)
+            values, valid = self._parts.read(self.mosaic.files[0], part)
         else:
             shape = (window.rows, window.cols)
             values, valid = self._parts.merge(shape, self.mosaic.parts(window), self.dtype)
-        if self.collar is None or not self.collar.touches(window):
-            return values, valid
-        return values, without(valid, self.collar.read(window))
+        for mask in self._masks:
+            if mask.touches(window):
+                valid = without(valid, mask.read(window))
+        return values, valid
 
     @checked
     def read_coarse(self, max_side: int) -> tuple[Values, Valid | None, GeoBox]:
@@ -338,9 +347,9 @@ class Dataset:
         shape = (max(int(rows / factor), 1), max(int(cols / factor), 1))
         transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
         values, valid = self._parts.merge(shape, self.mosaic.coarse_parts(shape), self.dtype)
-        if self.collar is not None:
-            sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
-            valid = without(valid, self.collar.sample(*sampled))
+        sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
+        for mask in self._masks:
+            valid = without(valid, mask.sample(*sampled))
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
 
 

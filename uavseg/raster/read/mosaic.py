@@ -50,10 +50,18 @@ class Mosaic:
         A file smaller than a pixel of that array may be left out.
         """
         scale = np.tile(np.array(shape) / np.array(self.geobox.shape), 2)
-        places = np.ceil(self.boxes * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
-        for file, (row, col, end_row, end_col) in zip(self.files, places.tolist(), strict=True):
+        inside = np.clip(self.boxes, 0, np.tile(self.geobox.shape, 2))
+        places = np.ceil(inside * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
+        firsts, sizes = inside[:, :2] - self.boxes[:, :2], inside[:, 2:] - inside[:, :2]
+        parts = np.hstack([firsts, sizes]).tolist()
+        for file, part, (row, col, end_row, end_col) in zip(self.files, parts, places.tolist(), strict=True):
             if row < end_row and col < end_col:
-                yield file, Window(0, 0, *file.shape), (slice(row, end_row), slice(col, end_col))
+                yield file, Window(*part), (slice(row, end_row), slice(col, end_col))
+
+    def cut(self, window: Window) -> "Mosaic":
+        """Return the part inside a window."""
+        boxes = self.boxes - np.tile([window.row, window.col], 2)
+        return Mosaic(self.files, boxes, self.geobox.window(window))
 
 
 def align_rasters(files: Sequence[RasterSource]) -> Mosaic:

@@ -151,7 +151,7 @@ def _mask(on_grid: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask
         raise SampleError(f"{name} has no coordinates in the raster's CRS")
     window = bounding_cells(bounds, geobox.shape)
     if window.rows == 0 or window.cols == 0:
-        raise SampleError(f"{name} lies outside of the raster, which is {_extent(geobox)}")
+        raise SampleError(f"{name} lies outside of the raster, which is {extent(geobox)}")
     if window.rows * window.cols > MAX_SAMPLE_PIXELS:
         raise SampleError(
             f"{name} spans {window.rows:,} x {window.cols:,} pixels; at most {MAX_SAMPLE_PIXELS:,} are read: "
@@ -172,7 +172,7 @@ def disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
         x = disc.x + disc.radius * np.sin(np.radians(angles))
         y = disc.y + disc.radius * np.cos(np.radians(angles))
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        raise SampleError(f"the sample lies outside of the raster, which is {_extent(geobox)}")
+        raise SampleError(f"the sample lies outside of the raster, which is {extent(geobox)}")
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 
@@ -211,7 +211,8 @@ def bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Windo
     return Window(int(first[1]), int(first[0]), 0 if nothing else rows, 0 if nothing else cols)
 
 
-def _extent(geobox: GeoBox) -> str:
+def extent(geobox: GeoBox) -> str:
+    """Return the coordinates between which a grid lies, for messages."""
     rows, cols = geobox.shape
     x, y = geobox.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols])
     return f"x {x.min():.10g} to {x.max():.10g} by y {y.min():.10g} to {y.max():.10g}"

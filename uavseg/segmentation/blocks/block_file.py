@@ -52,11 +52,17 @@ class Origin:
     words: BandWords = BandWords()
     collar: str = "keep"  # "auto" if one was detected, which counts as nodata
     flatten: str | None = None  # width over which illumination was estimated: "12.5" (metres) or "200px"
+    bounds: tuple[float, float, float, float] | None = None  # west, south, east and north of what was read
+    aoi: str | None = None  # file of the polygons in which pixels were read
 
     def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
-        """Return the paths of the rasters, in their folder or beside the block map; None if any is gone."""
+        """Return the paths of the rasters, in their folder or beside the block map; None if any is gone.
+
+        The last is that of the area of interest, if there is one.
+        """
+        named = self.rasters if self.aoi is None else (*self.rasters, self.aoi)
         for folder in (Path(self.folder), Path(beside).resolve().parent):
-            paths = [raster if is_address(raster) else str(folder / raster) for raster in self.rasters]
+            paths = [name if is_address(name) else str(folder / name) for name in named]
             if all(is_address(path) or file_exists(path) for path in paths):
                 return paths
         return None
@@ -167,6 +173,8 @@ _OPTIONAL: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "values": ("values are", lambda value: value is None or _is_values(value)),
     "flatten": ("flat field is", lambda value: value is None or _is_illumination(value)),
     "formula": ("formula is", _is_formula),
+    "bounds": ("bounds are", lambda value: _is_list(value, _is_finite) and len(value) == 4),
+    "aoi": ("area of interest is", _is_name),
 }
 
 
@@ -195,6 +203,8 @@ def origin_of_header(header: dict[str, Any]) -> Origin:
         words=BandWords(**header.get("formula", {})),
         collar=header["collar"],
         flatten=flatten["width"] if (flatten := header.get("flatten")) else None,
+        bounds=tuple(header["bounds"]) if "bounds" in header else None,
+        aoi=header.get("aoi"),
     )
 
 
@@ -226,6 +236,8 @@ def header_text(saved: SavedBlocks) -> str:
     header |= {"folder": origin.folder, "band": origin.band, "rgb": origin.rgb, "nodata": nodata}
     if origin.collar != "keep":
         header["collar"] = origin.collar
+    part = {"bounds": origin.bounds, "aoi": origin.aoi}
+    header |= {name: value for name, value in part.items() if value is not None}
     if saved.illumination is not None:
         flat = saved.illumination
         header["flatten"] = {"width": origin.flatten, "step": flat.step, "target": flat.target}
@@ -249,7 +261,8 @@ def rasters_of(path: str | os.PathLike[str], tags: Mapping[str, str]) -> list[st
         return []
     try:
         header = json.loads(tags[_TAG])
-        return Origin(tuple(header["rasters"]), header["folder"]).find_rasters(path) or []
+        origin = Origin(tuple(header["rasters"]), header["folder"], aoi=header.get("aoi"))
+        return origin.find_rasters(path) or []
     except (UavsegError, KeyError, ValueError, TypeError):
         return []  # the error is reported when the file is opened
 
