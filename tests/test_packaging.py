@@ -1,5 +1,6 @@
 """Packaging: what the recipe, the container and the source distribution say follows pyproject.toml."""
 
+import importlib.util
 import re
 import tomllib
 from pathlib import Path
@@ -75,3 +76,49 @@ def test_what_builds_the_kernels_is_in_the_sdist_and_the_container_but_not_in_th
     assert "!build_kernels" in (ROOT / ".dockerignore").read_text().splitlines()
     [module] = re.findall(r'"-m", "([\w.]+)"', (ROOT / "build_backend.py").read_text())
     assert (ROOT / module.replace(".", "/")).with_suffix(".py").exists()
+
+
+@pytest.mark.parametrize("name", ["tests.yml", "release.yml"])
+def test_workflows_run_sessions_that_there_are(name: str) -> None:
+    sessions = set(
+        re.findall(r"^@nox\.session.*\ndef (\w+)\(", (ROOT / "noxfile.py").read_text(), re.MULTILINE)
+    )
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / name).read_text())
+    steps = [step for job in workflow["jobs"].values() for step in job["steps"]]
+    lines = [step["run"].partition(" -- ")[0] for step in steps if step.get("run", "").startswith("nox -s")]
+    called = {word for line in lines for word in line.partition("$")[0].split()[2:]}
+    assert called and called <= sessions
+
+
+def test_only_a_tag_releases_and_no_job_has_more_rights_than_it_needs() -> None:
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "release.yml").read_text())
+    assert workflow[True] == {"push": {"tags": ["v*"]}}  # YAML takes `on` for a truth value
+    assert workflow["permissions"] == {}
+    written = {name: job.get("permissions") for name, job in workflow["jobs"].items()}
+    assert written["pypi"] == {"id-token": "write"}
+    assert written["install"] == {} and written["build"] == {"contents": "read"}
+    assert {"build", "install"} <= set(workflow["jobs"]["pypi"]["needs"])
+
+
+def test_libraries_make_a_wheel_for_their_platform(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    build_backend = load_backend()
+    given: list[Any] = []
+    monkeypatch.setattr(build_backend, "_compile_kernels", lambda: None)
+    monkeypatch.setattr(build_backend, "__file__", str(tmp_path / "build_backend.py"))
+    monkeypatch.setattr(build_backend.build_meta, "build_wheel", lambda *words: given.append(words))
+    build_backend.build_wheel("out", {"--build-option": "--quiet"})
+    (tmp_path / "uavseg" / "_jit" / "libraries").mkdir(parents=True)
+    (tmp_path / "uavseg" / "_jit" / "libraries" / "x86-64.so").touch()
+    build_backend.build_wheel("out", {"--build-option": "--quiet"})
+    assert [words[1]["--build-option"] for words in given] == [
+        "--quiet",
+        ["--quiet", "--plat-name", "linux_x86_64"],
+    ]
+
+
+def load_backend() -> Any:
+    spec = importlib.util.spec_from_file_location("build_backend", ROOT / "build_backend.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module

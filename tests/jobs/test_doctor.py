@@ -3,9 +3,11 @@
 import importlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +45,19 @@ def test_versions_are_those_of_the_libraries() -> None:
     assert f"PROJ {rasterio.__proj_version__}" in facts["rasterio"]
     assert facts["pyproj"] == f"{pyproj.__version__}, with PROJ {pyproj.proj_version_str}"
     assert facts["EPSG database"] == "found" and facts["QGIS"] == "not found"
+
+
+def test_each_extra_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    monkeypatch.setattr(doctor_job, "_version_of", lambda name: "" if name == "folium" else "1.2.3")
+    facts = uavseg.doctor().facts
+    said = {name.removeprefix("extra "): fact for name, fact in facts.items() if name.startswith("extra ")}
+    assert said.keys() == extras.keys() - {"test", "dev", "docs", "bench"}
+    assert said.pop("explore") == 'folium not installed: pip install "uavseg[explore]"'
+    for extra, fact in said.items():
+        named = [re.split(r"\W*[<>=]", one)[0] for one in extras[extra]]
+        assert fact == ", ".join(f"{name} 1.2.3" for name in named)
 
 
 def test_a_sound_installation_has_no_problems_and_exit_code_0() -> None:

@@ -169,7 +169,7 @@ def interrupts_held() -> Iterator[None]:
         finally:
             _put_back(before)
             if came:
-                os.kill(os.getpid(), came[0])
+                signal.raise_signal(came[0])  # os.kill would end a process of Windows at once
 
 
 @contextmanager

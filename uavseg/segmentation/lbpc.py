@@ -63,7 +63,7 @@ def check_lbpc_size(shape: tuple[int, int]) -> None:
     if rows * cols > MAX_PIXELS:
         raise RasterError(
             f"the original algorithm holds the whole image, at most {MAX_PIXELS:,} pixels, and this one has "
-            f"{rows:,} x {cols:,}: cut a part out (gdal_translate -srcwin) or make it coarser (-outsize)"
+            f"{rows:,} x {cols:,}: read a part (--bounds), or take a coarser copy (gdal_translate -outsize)"
         )
 
 

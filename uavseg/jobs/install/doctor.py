@@ -4,6 +4,7 @@ import importlib
 import importlib.metadata
 import os
 import platform
+import re
 import shutil
 import subprocess
 import sys
@@ -24,7 +25,7 @@ _NEEDED = (
     *("numpy", "rasterio", "pyogrio", "pyproj", "shapely", "geopandas", "pandas", "matplotlib"),
     *("pymavlink", "click", "yaml", "skimage"),
 )
-_EXTRA = ("numba", "llvmlite", "serial", "pyarrow", "rosbags", "pyulog", "distributed", "folium")
+_FOR_DEVELOPERS = ("test", "dev", "docs", "bench")  # extras
 _DISTRIBUTIONS = {"yaml": "PyYAML", "serial": "pyserial", "skimage": "scikit-image"}
 _NAMED = (
     *("PROJ_LIB", "PROJ_DATA", "GDAL_DATA", "GDAL_DRIVER_PATH"),
@@ -100,7 +101,25 @@ def _libraries() -> Findings:
             if "libexpat" in failure:  # wheels of rasterio bring all libraries but this one
                 remedy = "install it from the system: apt install libexpat1"
             problems.append(f"{name} cannot be loaded ({failure}); {remedy}")
-    return facts | {name: _version_of(name) or "not installed (optional)" for name in _EXTRA}, problems
+    return facts | _extras(), problems
+
+
+def _extras() -> dict[str, str]:
+    """Return versions of the libraries of each extra, or which are missing and how they are installed."""
+    try:
+        required = "\n".join(importlib.metadata.requires("uavseg") or ())
+    except importlib.metadata.PackageNotFoundError:
+        return {"extras": "unknown: this is a copy of the source that is not installed"}
+    names: dict[str, list[str]] = {}
+    for name, extra in re.findall(r"""^([\w.-]+)\b.*extra == ["'](\w+)["']""", required, re.MULTILINE):
+        names.setdefault(extra, []).append(name)
+    facts = {}
+    for extra in sorted(names.keys() - set(_FOR_DEVELOPERS)):
+        missing = [name for name in names[extra] if not _version_of(name)]
+        there = ", ".join(f"{name} {_version_of(name)}" for name in names[extra])
+        hint = f'{" and ".join(missing)} not installed: pip install "uavseg[{extra}]"'
+        facts[f"extra {extra}"] = hint if missing else there
+    return facts
 
 
 def _loaded(name: str) -> tuple[str, str]:

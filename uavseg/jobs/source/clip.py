@@ -48,8 +48,8 @@ def _polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
     regions = read_regions(name, local=geobox.crs is None)
     if geobox.crs is None and regions.wkt is not None:
         raise ParameterError(
-            f"{name} has a CRS and the raster has none, so where it lies is unknown; give an area without one, "
-            "in the raster's coordinates"
+            f"{name} has a CRS and the raster has none, so where it lies is unknown; give an area without "
+            "one, in the raster's coordinates"
         )
     return to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
 

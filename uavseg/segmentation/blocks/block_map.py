@@ -260,8 +260,8 @@ def check_memory(shape: tuple[int, int]) -> None:
     if memory is not None and size > memory:
         raise RasterError(
             f"a raster of {cols:,} x {rows:,} pixels has a block map of {size / 1e9:,.0f} GB, and this "
-            f"machine has {memory / 1e9:,.0f} GB of memory; cut out the part that holds data "
-            "(gdal_translate -srcwin), or take a coarser copy (gdal_translate -outsize)"
+            f"machine has {memory / 1e9:,.0f} GB of memory; read the part that holds data (--bounds, "
+            "--aoi), or take a coarser copy (gdal_translate -outsize)"
         )
 
 
