@@ -15,8 +15,11 @@ from hypothesis import settings
 HERE = Path(__file__).resolve().parent
 
 # No test fails because a machine is busy. With CI set, each version of hypothesis draws the same examples
-# each time.
-settings.register_profile("uavseg", settings(), deadline=None, derandomize=bool(os.environ.get("CI")))
+# each time. `--hypothesis-profile thorough` draws four times as many where a test does not say how many.
+settings.register_profile(
+    "uavseg", settings(), deadline=None, derandomize=bool(os.environ.get("CI")), max_examples=50
+)
+settings.register_profile("thorough", settings.get_profile("uavseg"), max_examples=200)
 settings.load_profile("uavseg")
 
 # In the background of a script interruptions are ignored, and commands would inherit that.

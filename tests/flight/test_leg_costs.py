@@ -42,8 +42,16 @@ def test_a_height_in_whole_metres_takes_as_long_as_one_with_decimals() -> None:
     assert np.array_equal(whole.of(track)[0], exact.of(track)[0])
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-@pytest.mark.parametrize("kind", ["hover", "slow", "hills"])
+@pytest.mark.parametrize(
+    ("kind", "autopilot"),
+    [
+        *(("hover", "px4"), ("slow", "ardupilot"), ("hills", "px4")),
+        *(
+            pytest.param(*case, marks=pytest.mark.thorough)
+            for case in (("hover", "ardupilot"), ("slow", "px4"), ("hills", "ardupilot"))
+        ),
+    ],
+)
 def test_a_division_is_right_the_first_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, autopilot: str, kind: str
 ) -> None:

@@ -106,7 +106,7 @@ def test_what_cannot_be_flown_against_is_refused() -> None:
     wind=st.sampled_from([None, Wind(3.0), Wind(8.0), Wind(6.0, 200.0)]),
     minutes=st.floats(9, 20),
 )
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_flights_fit_in_the_wind_that_they_are_planned_for(
     seed: int, wind: Wind | None, minutes: float
 ) -> None:

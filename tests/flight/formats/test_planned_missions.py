@@ -63,7 +63,10 @@ def dem(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("pattern", "trigger", "autopilot", "terrain"), CASES)
+@pytest.mark.parametrize(
+    ("pattern", "trigger", "autopilot", "terrain"),
+    [pytest.param(*case, marks=[pytest.mark.thorough] if n % 3 else []) for n, case in enumerate(CASES)],
+)
 def test_independent_readers_find_every_item_and_the_check_refuses_nothing(
     mavsdk_reader: Any,
     dem: Path,

@@ -85,7 +85,7 @@ def near_stops(seed: int, count: int, size: float) -> tuple[Stops, np.ndarray, i
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", [5, 30])
+@pytest.mark.parametrize("size", [5, pytest.param(30, marks=pytest.mark.thorough)])
 def test_fifty_stops_are_within_two_per_cent_of_a_long_search(size: float) -> None:
     for seed in range(3):
         stops, distances, home = near_stops(seed, 50, size)

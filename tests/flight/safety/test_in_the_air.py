@@ -51,7 +51,7 @@ def test_a_vehicle_leaves_its_legs_by_less_than_the_bound(
     st.sampled_from([0.0, 1.0, 3.0]),
     st.integers(0, 10**6),
 )
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=6, deadline=None)
 def test_a_planned_flight_keeps_its_margin_in_the_air(
     autopilot: str, wind_m_s: float, speed_m_s: float, margin_m: float, seed: int
 ) -> None:

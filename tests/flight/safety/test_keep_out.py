@@ -47,7 +47,7 @@ def blob(x: float, y: float, radius: float, seed: int) -> shapely.Polygon:
     st.sampled_from(["visit", "perimeter", "survey"]),
     st.integers(0, 10**6),
 )
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_no_leg_comes_nearer_to_a_zone_than_the_margin(
     discs: list[tuple[float, float, float]], margin: float, pattern: str, seed: int
 ) -> None:
@@ -144,7 +144,7 @@ def test_each_of_several_flights_keeps_away() -> None:
 
 @pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(0, 40))
-@settings(max_examples=60)
+@settings(max_examples=30)
 def test_grown_zones_hold_their_margin_and_few_corners(seed: int, margin: int) -> None:
     rng = np.random.default_rng(seed)
     stairs = shapely.union_all([shapely.box(*place, *(place + 9)) for place in rng.integers(0, 60, (40, 2))])

@@ -38,7 +38,7 @@ paths = st.lists(st.tuples(st.integers(-900, 900), st.integers(-900, 900)), min_
 
 @pytest.mark.slow
 @given(gentle, paths, st.floats(0.5, 20), st.floats(40, 120), st.sampled_from([3.0, 11.0, 47.0]))
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_the_height_above_the_ground_is_within_the_tolerance_everywhere(
     tmp_path: Path,
     surface: Surface,
@@ -67,7 +67,7 @@ def test_the_height_above_the_ground_is_within_the_tolerance_everywhere(
     st.floats(0.5, 5),
     st.floats(0.5, 5),
 )
-@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=20, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_steep_ground_is_never_approached_and_no_leg_is_steeper_than_the_vehicle(
     tmp_path: Path,
     surface: Surface,
