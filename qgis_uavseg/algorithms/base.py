@@ -17,7 +17,7 @@ from ..targets import checked_target
 
 
 class DialogFeedback(QgsProcessingMultiStepFeedback):
-    """Feedback that names the fields of a dialog where messages name flags; the rest is as in that which it is of.
+    """Feedback that passes everything on, with the fields of a dialog in messages that name flags.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ class DialogFeedback(QgsProcessingMultiStepFeedback):
     def pushWarning(self, warning: str) -> None:
         super().pushWarning(in_dialog(warning, self._fields))
 
-    def reportError(self, error: str, fatalError: bool = False) -> None:  # noqa: N803 - QGIS's name
+    def reportError(self, error: str, fatalError: bool = False) -> None:
         super().reportError(in_dialog(error, self._fields), fatalError)
 
 
@@ -90,7 +90,7 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
             raise QgsProcessingException(in_dialog(str(error), fields)) from error
 
     def fields(self, values: Values) -> dict[str, str]:
-        """The fields of the dialog by the flags of the command; of several for a flag, one that is filled in."""
+        """The fields of the dialog by flag; of several for a flag, one that is filled in."""
         found: dict[str, str] = {}
         for option in self.options():
             definition = option.make()

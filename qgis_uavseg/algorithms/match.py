@@ -26,7 +26,9 @@ class RegionsLikeSample(RegionAlgorithm):
     def options(self) -> Sequence[Option]:
         return with_input(
             SAMPLE,
-            listed("match", "BY", "SIMILARITY", "INTENSITY", "WINDOW", "BANDS", "REFINE", "MIN_AREA", "ANSWER"),
+            listed(
+                "match", "BY", "SIMILARITY", "INTENSITY", "WINDOW", "BANDS", "REFINE", "MIN_AREA", "ANSWER"
+            ),
             RASTER,
             listed("match", "FLATTEN", "FILL_HOLES", "DETAIL", "MIN_CONFIDENCE", "SIMPLIFY", "THREADS"),
         )
