@@ -1,4 +1,4 @@
-"""Messages of the program in the terms of a dialog: labels of its fields in place of flags of the command line."""
+"""Messages of the program with labels of fields of a dialog in place of flags of the command line."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ def field_name(label: str) -> str:
 def in_dialog(text: str, fields: Mapping[str, str]) -> str:
     """Replace the flags in a message by the fields of a dialog.
 
-    A flag that the dialog has no field for stays, and the message says so at its end. So does a command that the
-    message tells to type, such as `uavseg divide --flatten`, without a remark.
+    A flag that the dialog has no field for stays, and the message says so at its end. A command that the
+    message tells to type, such as `uavseg divide --flatten`, stays without a remark.
 
     Parameters
     ----------

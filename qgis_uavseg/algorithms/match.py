@@ -26,11 +26,10 @@ class RegionsLikeSample(RegionAlgorithm):
     def options(self) -> Sequence[Option]:
         return with_input(
             SAMPLE,
-            listed(
-                "match", "BY", "SIMILARITY", "INTENSITY", "WINDOW", "BANDS", "REFINE", "MIN_AREA", "ANSWER"
-            ),
+            listed("match", "BY", "SIMILARITY", "INTENSITY", "WINDOW", "BANDS", "REFINE", "MIN_AREA"),
             RASTER,
-            listed("match", "FLATTEN", "FILL_HOLES", "DETAIL", "MIN_CONFIDENCE", "SIMPLIFY", "THREADS"),
+            listed("match", "ANSWER", "FLATTEN", "FILL_HOLES", "DETAIL", "MIN_CONFIDENCE", "SIMPLIFY"),
+            listed("match", "THREADS"),
         )
 
     def more_words(self, values: Values) -> list[str]:
