@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from qgis.core import QgsProcessingAlgorithm, QgsProcessingException, QgsProcessingMultiStepFeedback
@@ -19,6 +20,8 @@ from ..targets import checked_target
 class DialogFeedback(QgsProcessingMultiStepFeedback):
     """Feedback that passes everything on, with the fields of a dialog in messages that name flags.
 
+    A warning is shown once: commands give theirs on stderr and in their JSON, and legs are planned again.
+
     Parameters
     ----------
     feedback : QgsProcessingFeedback
@@ -29,6 +32,7 @@ class DialogFeedback(QgsProcessingMultiStepFeedback):
     def __init__(self, feedback: Any, fields: Mapping[str, str]) -> None:
         super().__init__(1, feedback)
         self._fields = fields
+        self._warned: set[str] = set()
         if feedback.isCanceled():
             self.cancel()
 
@@ -36,7 +40,10 @@ class DialogFeedback(QgsProcessingMultiStepFeedback):
         super().pushInfo(in_dialog(info, self._fields))
 
     def pushWarning(self, warning: str) -> None:
-        super().pushWarning(in_dialog(warning, self._fields))
+        text = in_dialog(warning, self._fields)
+        if text not in self._warned:
+            self._warned.add(text)
+            super().pushWarning(text)
 
     def reportError(self, error: str, fatalError: bool = False) -> None:
         super().reportError(in_dialog(error, self._fields), fatalError)
@@ -79,9 +86,10 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
         return True
 
     def processAlgorithm(self, parameters: dict[str, Any], context: Any, feedback: Any) -> dict[str, Any]:
-        fields = self.fields(Values.of(self, parameters, context, feedback))
+        values = Values.of(self, parameters, context, feedback)
+        fields = self.fields(values)
         try:
-            return self.answer(Values.of(self, parameters, context, DialogFeedback(feedback, fields)))
+            return self.answer(replace(values, feedback=DialogFeedback(feedback, fields)))
         except Cancelled:
             return {}
         except (ProcessError, ProgramError) as error:

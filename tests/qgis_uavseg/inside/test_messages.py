@@ -213,5 +213,6 @@ def test_what_the_program_says_is_shown_in_the_terms_of_the_dialog(
     ok = provider.algorithm(name).create().run(parameters, _context(), heard)[1]
     said = heard.warnings if ok else heard.errors
     assert any(text in line for line in said), (heard.errors, heard.warnings)
+    assert len({*said}) == len(said), said
     assert target.exists() == ok
     assert f"--output={target}" in heard.commands[-1]  # the log still has the line as one types it
