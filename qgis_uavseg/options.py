@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Callable
 
@@ -76,12 +76,16 @@ class Values:
 
 @dataclass(frozen=True)
 class Option:
-    """A parameter, and the words on the command line that its value becomes."""
+    """A parameter, and the words on the command line that its value becomes.
+
+    `flags` are those of the words, each with what messages write behind the label of the parameter for it.
+    """
 
     make: Callable[[], QgsProcessingParameterDefinition]
     words: Callable[[Values], list[str]]
     help: str
     advanced: bool = True
+    flags: Mapping[str, str] = field(default_factory=dict)
 
     def parameter(self) -> QgsProcessingParameterDefinition:
         """The definition, with its help."""
@@ -148,7 +152,7 @@ def _listed(name: str, one: dict[str, Any]) -> Option:
             text = values.text(name) if kind in ("text", "file") else plain(values.number(name))
         return [f"{flag}={text}"] if text else []
 
-    return Option(lambda: definition(name, kind, one), words, one["help"], not one["basic"])
+    return Option(lambda: definition(name, kind, one), words, one["help"], not one["basic"], {flag: ""})
 
 
 def definition(name: str, kind: str, one: Mapping[str, Any]) -> QgsProcessingParameterDefinition:
@@ -210,10 +214,11 @@ def band(name: str = "BAND", of: str = "INPUT") -> Option:
         lambda v: [f"--band={plain(v.number(name))}"] if v.given(name) else [],
         "The band. Empty: the only one, or the luminance of red, green and blue.",
         advanced=False,
+        flags=dict.fromkeys(("-b", "--band", "--bidx"), ""),
     )
 
 
-RANGE_FLAGS = ("--range", "--values", "--percentile")
+RANGE_FLAGS = {"--range": "", "--values": " in values of the raster", "--percentile": " in percentiles"}
 
 
 def interval(default: str, help: str) -> list[Option]:
@@ -228,7 +233,7 @@ def interval(default: str, help: str) -> list[Option]:
         ends = values.algorithm.parameterAsRange(values.parameters, "RANGE", values.context)
         counts = values.algorithm.parameterAsEnum(values.parameters, "RANGE_IN", values.context)
         low, high = ("" if math.isnan(end) else plain(end) for end in ends)
-        return [f"{RANGE_FLAGS[counts]}={low},{high}"]
+        return [f"{list(RANGE_FLAGS)[counts]}={low},{high}"]
 
     return [
         Option(
@@ -238,6 +243,7 @@ def interval(default: str, help: str) -> list[Option]:
             words,
             help,
             advanced=False,
+            flags=RANGE_FLAGS,
         ),
         Option(
             lambda: QgsProcessingParameterEnum(

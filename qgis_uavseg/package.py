@@ -1,7 +1,8 @@
 """Zip of the plugin for the repository of QGIS: `python -m qgis_uavseg.package -o DIR`.
 
 The names and keys checked are those of the repository's validator: one folder, metadata that are complete, a
-LICENSE, no binaries, hidden or compiled files. The zip holds the same bytes each time.
+LICENSE, no binaries, hidden or compiled files. The zip holds the same bytes each time. Links, authors and
+their email are those of pyproject.toml; options take their place.
 """
 
 from __future__ import annotations
@@ -13,10 +14,20 @@ import sys
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TypeVar
 
+import tomllib
+
+T = TypeVar("T")
 FOLDER = Path(__file__).resolve().parent
 LICENSE = FOLDER.parent / "LICENSE"
-LINKS = ("homepage", "repository", "tracker", "email")
+PYPROJECT = FOLDER.parent / "pyproject.toml"
+URLS = {  # labels in [project.urls] that are well known, in lower case without spaces and punctuation
+    "homepage": ("homepage",),
+    "repository": ("repository", "source", "sourcecode", "github"),
+    "tracker": ("issues", "tracker", "issuetracker", "bugtracker", "bugs", "bugreports"),
+}
+LINKS = (*URLS, "email")
 REQUIRED = ("name", "description", "about", "version", "qgisMinimumVersion", "author", *LINKS)
 SWITCHES = ("experimental", "deprecated")
 LARGEST = 25_000_000
@@ -52,8 +63,16 @@ def contents(metadata: dict[str, str]) -> list[tuple[str, bytes]]:
 
 
 def filled(text: str, values: dict[str, str]) -> str:
-    """Metadata with values put in place of those that are there."""
+    """Metadata with values put in place of those that are there.
+
+    Raises
+    ------
+    PackageError
+        If there is no such key, or a value is not one line.
+    """
     for key, value in values.items():
+        if value.splitlines() != [value]:
+            raise PackageError(f"{key} is {value!r}, not one line of text")
         lines = text.split("\n")
         found = [k for k, line in enumerate(lines) if line.startswith(f"{key}=")]
         if not found:
@@ -61,6 +80,70 @@ def filled(text: str, values: dict[str, str]) -> str:
         lines[found[0]] = f"{key}={value}"
         text = "\n".join(lines)
     return text
+
+
+def project_metadata(pyproject: Path) -> dict[str, str]:
+    """Read links, names of the authors and the first email of them; what is not there is left out.
+
+    Parameters
+    ----------
+    pyproject : Path
+        A pyproject.toml with `[project.urls]` (Homepage, Repository or Source, Issues or Tracker, in any
+        case), and `authors` of `[project]`.
+
+    Raises
+    ------
+    PackageError
+        If the file cannot be read, or has something else in their place.
+    """
+    try:
+        content = tomllib.loads(pyproject.read_text(encoding="utf-8"))
+        project = _typed(dict, content.get("project", {}), "[project]")
+        urls = {
+            re.sub(r"[\W_]", "", label).lower(): _typed(str, url, label)
+            for label, url in _typed(dict, project.get("urls", {}), "[project.urls]").items()
+        }
+        listed = _typed(list, project.get("authors", []), "authors")
+        authors = [_typed(dict, author, "an author") for author in listed]
+        names = [_typed(str, author["name"], "a name") for author in authors if "name" in author]
+        emails = [_typed(str, author["email"], "an email") for author in authors if "email" in author]
+    except (OSError, ValueError, TypeError) as error:
+        raise PackageError(f"{pyproject} cannot be read: {error}") from error
+    found = {key: urls[label] for key, labels in URLS.items() for label in reversed(labels) if label in urls}
+    return {
+        **found,
+        **({"email": emails[0]} if emails else {}),
+        **({"author": ", ".join(names)} if names else {}),
+    }
+
+
+_KINDS: dict[type, str] = {dict: "a table", list: "a list", str: "a text"}
+
+
+def _typed(kind: type[T], value: object, name: str) -> T:
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} is {value!r}, not {_KINDS[kind]}")
+    return value
+
+
+def refuse_missing(metadata: dict[str, str], pyproject: Path) -> None:
+    """Refuse metadata without one of the links or the email.
+
+    Raises
+    ------
+    PackageError
+        With all that are missing, and where they can be written.
+    """
+    missing = [key for key in LINKS if not metadata.get(key, "").strip()]
+    if not missing:
+        return
+    labels = [{"tracker": "Issues"}.get(key, key.capitalize()) for key in missing if key != "email"]
+    places = [f"{', '.join(labels)} under [project.urls]"] if labels else []
+    places += ["an email in authors of [project]"] if "email" in missing else []
+    raise PackageError(
+        f"the repository of QGIS requires {', '.join(missing)}: write {' and '.join(places)} in {pyproject}, "
+        f"or give {', '.join(f'--{key}' for key in missing)}"
+    )
 
 
 def check(files: dict[str, bytes]) -> None:
@@ -144,11 +227,13 @@ def main(words: Sequence[str] = ()) -> int:
     )
     parser.add_argument("-o", "--output", type=Path, default=Path("dist"), help="folder of the zip")
     for name in LINKS:
-        parser.add_argument(f"--{name}", help=f"{name} in metadata.txt")
+        parser.add_argument(f"--{name}", help=f"{name} in metadata.txt, in place of that of pyproject.toml")
     given = parser.parse_args(words or None)
     values = {name: getattr(given, name) for name in LINKS if getattr(given, name)}
     try:
-        path = write(given.output, values)
+        metadata = {**project_metadata(PYPROJECT), **values}
+        refuse_missing(metadata, PYPROJECT)
+        path = write(given.output, metadata)
     except PackageError as error:
         print(f"qgis_uavseg: error: {error}", file=sys.stderr)
         return 1

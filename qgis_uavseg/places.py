@@ -9,10 +9,12 @@ from qgis.core import QgsCoordinateReferenceSystem, QgsProcessingException, QgsP
 from .options import Option, Values
 
 
-def place(name: str, label: str, help: str, optional: bool, words: Callable[[Values], list[str]]) -> Option:
-    """A place that can be chosen on the canvas."""
+def place(
+    name: str, label: str, help: str, optional: bool, words: Callable[[Values], list[str]], flag: str
+) -> Option:
+    """A place that can be chosen on the canvas, and the flag of its words."""
     return Option(
-        lambda: QgsProcessingParameterPoint(name, label, None, optional), words, help, advanced=False
+        lambda: QgsProcessingParameterPoint(name, label, None, optional), words, help, False, {flag: ""}
     )
 
 

@@ -2,17 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, ClassVar
 
-from qgis.core import QgsProcessingAlgorithm, QgsProcessingException
+from qgis.core import QgsProcessingAlgorithm, QgsProcessingException, QgsProcessingMultiStepFeedback
 from qgis.PyQt.QtGui import QIcon
 
+from ..flags import field_name, in_dialog
 from ..options import Option, Values
 from ..process import Cancelled, Finished, ProcessError, run
 from ..program import ProgramError, ready_program
 from ..styles import fresh_styles
 from ..targets import checked_target
+
+
+class DialogFeedback(QgsProcessingMultiStepFeedback):
+    """Feedback that passes everything on, with the fields of a dialog in messages that name flags.
+
+    A warning is shown once: commands give theirs on stderr and in their JSON, and legs are planned again.
+
+    Parameters
+    ----------
+    feedback : QgsProcessingFeedback
+    fields : mapping of str to str
+        What to write for a flag; see `in_dialog`.
+    """
+
+    def __init__(self, feedback: Any, fields: Mapping[str, str]) -> None:
+        super().__init__(1, feedback)
+        self._fields = fields
+        self._warned: set[str] = set()
+        if feedback.isCanceled():
+            self.cancel()
+
+    def pushInfo(self, info: str) -> None:
+        super().pushInfo(in_dialog(info, self._fields))
+
+    def pushWarning(self, warning: str) -> None:
+        text = in_dialog(warning, self._fields)
+        if text not in self._warned:
+            self._warned.add(text)
+            super().pushWarning(text)
+
+    def reportError(self, error: str, fatalError: bool = False) -> None:
+        super().reportError(in_dialog(error, self._fields), fatalError)
 
 
 class ProgramAlgorithm(QgsProcessingAlgorithm):
@@ -23,6 +57,12 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
     GROUP: tuple[str, str] = ("", "")
     SUMMARY = ""
     TAGS: tuple[str, ...] = ()
+    OUTPUT_FLAGS: ClassVar[Mapping[str, str]] = {
+        "-o": "OUTPUT",
+        "--output": "OUTPUT",
+        "--labels": "LABELS",
+        "--objects": "OBJECTS",
+    }
 
     def options(self) -> Sequence[Option]:
         """The parameters that become words of the command, in the order of the dialog."""
@@ -46,12 +86,28 @@ class ProgramAlgorithm(QgsProcessingAlgorithm):
         return True
 
     def processAlgorithm(self, parameters: dict[str, Any], context: Any, feedback: Any) -> dict[str, Any]:
+        values = Values.of(self, parameters, context, feedback)
+        fields = self.fields(values)
         try:
-            return self.answer(Values.of(self, parameters, context, feedback))
+            return self.answer(replace(values, feedback=DialogFeedback(feedback, fields)))
         except Cancelled:
             return {}
         except (ProcessError, ProgramError) as error:
             raise QgsProcessingException(str(error)) from error
+        except QgsProcessingException as error:
+            raise QgsProcessingException(in_dialog(str(error), fields)) from error
+
+    def fields(self, values: Values) -> dict[str, str]:
+        """The fields of the dialog by flag; of several for a flag, one that is filled in."""
+        found: dict[str, str] = {}
+        for option in self.options():
+            definition = option.make()
+            if values.given(definition.name()) or not found.keys() & option.flags:
+                name = field_name(definition.description())
+                found.update((flag, name + more) for flag, more in option.flags.items())
+        outputs = {one.name(): one for one in self.parameterDefinitions() if one.isDestination()}
+        shown = {flag: name for flag, name in self.OUTPUT_FLAGS.items() if name in outputs}
+        return {**{flag: field_name(outputs[name].description()) for flag, name in shown.items()}, **found}
 
     def command(self, values: Values, words: Sequence[str], show_output: bool = True) -> Finished:
         """Run the program, whatever its exit code.

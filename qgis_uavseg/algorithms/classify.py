@@ -56,6 +56,7 @@ FREE_IS = Option(
     ),
     _free_is,
     "Of a picture without its YAML file.",
+    flags={"--free-is-white": " white", "--free-is-black": " black"},
 )
 
 

@@ -31,6 +31,7 @@ CLASSES = Option(
     ),
     lambda v: _classes(v) if v.given("CLASSES") else [],
     "In place of a range: a class in each row, with its range of v.",
+    flags={"--class": ""},
 )
 RANGE, RANGE_IN = interval("0.55,1", "What is looked for: pixels from the lower to the upper end.")
 

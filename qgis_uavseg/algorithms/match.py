@@ -28,7 +28,8 @@ class RegionsLikeSample(RegionAlgorithm):
             SAMPLE,
             listed("match", "BY", "SIMILARITY", "INTENSITY", "WINDOW", "BANDS", "REFINE", "MIN_AREA"),
             RASTER,
-            listed("match", "FILL_HOLES", "DETAIL", "MIN_CONFIDENCE", "SIMPLIFY", "THREADS"),
+            listed("match", "ANSWER", "FLATTEN", "FILL_HOLES", "DETAIL", "MIN_CONFIDENCE", "SIMPLIFY"),
+            listed("match", "THREADS"),
         )
 
     def more_words(self, values: Values) -> list[str]:

@@ -29,13 +29,15 @@ from .classify import FREE_IS, GROUP, MAP_FILE, map_file
 def _end(name: str, label: str) -> Option:
     """A place in the coordinates of the map."""
 
+    flag = f"--{name.lower()}"
+
     def words(values: Values) -> list[str]:
         layer = values.algorithm.parameterAsRasterLayer(values.parameters, "INPUT", values.context)
         crs = layer.crs() if layer is not None else QgsCoordinateReferenceSystem()
         point = values.algorithm.parameterAsPoint(values.parameters, name, values.context, crs)
-        return [f"--{name.lower()}={point.x()!r},{point.y()!r}"]
+        return [f"{flag}={point.x()!r},{point.y()!r}"]
 
-    return place(name, label, "In the coordinates of the map, or with its CRS behind.", False, words)
+    return place(name, label, "In the coordinates of the map, or with its CRS behind.", False, words, flag)
 
 
 class FindPath(ProgramAlgorithm):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from qgis.core import (
     QgsProcessing,
@@ -28,6 +28,7 @@ PHOTOGRAPHS = Option(
     lambda _: [],
     "A folder of photographs with their places in EXIF or XMP, as cameras of drones write them.",
     advanced=False,
+    flags={"--photos": ""},
 )
 HOME = place(
     "HOME",
@@ -35,6 +36,7 @@ HOME = place(
     "Over an elevation model, heights are then those above it, not altitudes.",
     True,
     lambda values: [f"--home={latlon(values, 'HOME')}"] if values.given("HOME") else [],
+    "--home",
 )
 
 
@@ -87,6 +89,7 @@ class Footprints(PhotographAlgorithm):
 class Gaps(PhotographAlgorithm):
     """`uavseg check --photos --gaps`."""
 
+    OUTPUT_FLAGS: ClassVar = {"--gaps": "OUTPUT"}
     NAME = "gaps"
     TITLE = "Gaps of a survey"
     COMMAND = "check"

@@ -61,6 +61,7 @@ PLAN_OPTIONS = (
         "Where the vehicle takes off. Empty: a place outside of the regions, which you must look at.",
         True,
         _home,
+        "--home",
     ),
     Option(
         lambda: definition("HOME_ALTITUDE", "metres", {"label": "Height of home above the sea"}),

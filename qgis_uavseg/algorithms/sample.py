@@ -29,8 +29,9 @@ SAMPLE = (
         lambda _: [],
         "Polygons around what is looked for; those that are selected, if you tick that.",
         advanced=False,
+        flags={"--like": ""},
     ),
-    place("PLACE", "Or a place in it", "The middle of a disc in the sample.", True, lambda _: []),
+    place("PLACE", "Or a place in it", "The middle of a disc in the sample.", True, lambda _: [], "--like"),
     Option(
         _radius,
         lambda _: [],

@@ -6,7 +6,7 @@ import json
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from qgis.core import (
     QgsProcessingOutputNumber,
@@ -23,6 +23,7 @@ from .regions import GROUP, with_input
 class SuggestRanges(ProgramAlgorithm):
     """`uavseg suggest`."""
 
+    OUTPUT_FLAGS: ClassVar = {"-o": "PICTURE", "--output": "PICTURE"}
     NAME = "suggest"
     TITLE = "Suggest ranges"
     GROUP = GROUP

@@ -67,6 +67,105 @@ def test_what_the_repository_would_refuse_is_refused_here(
     assert not list(tmp_path.iterdir())
 
 
+URLS = """
+[project]
+authors = [{ name = "A. Author" }, { name = "B. Author", email = "b@example.org" }]
+[project.urls]
+Homepage = "https://example.org"
+"Source Code" = "https://example.org/r"
+"bug-tracker" = "https://example.org/t"
+"""
+FROM_URLS = {**LINKS, "email": "b@example.org", "author": "A. Author, B. Author"}
+
+
+@pytest.fixture
+def pyproject(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "pyproject.toml"
+    path.write_text(URLS, encoding="utf-8")
+    monkeypatch.setattr(package, "PYPROJECT", path)
+    return path
+
+
+def _metadata(folder: Path) -> dict[str, str]:
+    (path,) = folder.glob("*.zip")
+    found = configparser.ConfigParser(interpolation=None)
+    with zipfile.ZipFile(path) as archive:
+        found.read_string(archive.read("qgis_uavseg/metadata.txt").decode("utf-8"))
+    return {key: found["general"][key] for key in FROM_URLS}
+
+
+def test_links_and_authors_are_those_of_the_project(pyproject: Path, tmp_path: Path) -> None:
+    assert package.project_metadata(pyproject) == FROM_URLS
+    assert package.main(["-o", str(tmp_path / "zip")]) == 0
+    assert _metadata(tmp_path / "zip") == FROM_URLS
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_an_option_takes_the_place_of_what_the_project_has(
+    name: str, pyproject: Path, tmp_path: Path
+) -> None:
+    other = "c@example.org" if name == "email" else "https://example.net"
+    assert package.main(["-o", str(tmp_path / "zip"), f"--{name}", other]) == 0
+    assert _metadata(tmp_path / "zip") == {**FROM_URLS, name: other}
+
+
+@pytest.mark.parametrize(
+    ("lines", "names", "places"),
+    [
+        ([3, 4, 5], "homepage, repository, tracker", "Homepage, Repository, Issues under [project.urls]"),
+        ([5], "tracker", "Issues under [project.urls]"),
+        ([1], "email", "an email in authors of [project]"),
+        ([1, 4], "repository, email", "Repository under [project.urls] and an email in authors of [project]"),
+    ],
+)
+def test_what_the_project_does_not_have_is_refused_with_where_to_write_it(
+    lines: list[int],
+    names: str,
+    places: str,
+    pyproject: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    kept = [line for k, line in enumerate(URLS.strip().splitlines()) if k not in lines]
+    pyproject.write_text("\n".join(kept), encoding="utf-8")
+    assert package.main(["-o", str(tmp_path / "zip")]) == 1
+    options = ", ".join(f"--{name}" for name in names.split(", "))
+    assert capsys.readouterr() == (
+        "",
+        f"qgis_uavseg: error: the repository of QGIS requires {names}: write {places} in {pyproject}, or "
+        f"give {options}\n",
+    )
+    assert not (tmp_path / "zip").exists()
+    given = [word for name in names.split(", ") for word in (f"--{name}", LINKS[name])]
+    assert package.main(["-o", str(tmp_path / "zip"), *given]) == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (None, "No such file"),
+        ("[project", "Expected ']'"),
+        ("[project]\nurls = 3", "[project.urls] is 3, not a table"),
+        ("[project]\nurls = { Homepage = 3 }", "Homepage is 3, not a text"),
+        ("[project]\nauthors = [3]", "an author is 3, not a table"),
+        ('[project]\nauthors = [{ name = "a\\nicon=x" }]', "is 'a\\nicon=x', not one line of text"),
+        ('[project.urls]\nHomepage = "example.org"', "homepage is 'example.org', not an address"),
+    ],
+)
+def test_a_project_that_cannot_be_read_is_one_line(
+    text: str | None, words: str, pyproject: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pyproject.unlink()
+    if text is not None:
+        pyproject.write_text(text, encoding="utf-8")
+    options = [word for name in LINKS if name != "homepage" for word in (f"--{name}", LINKS[name])]
+    options += [] if text and "Homepage" in text else ["--homepage", LINKS["homepage"]]
+    assert package.main(["-o", str(tmp_path / "zip"), *options]) == 1
+    said = capsys.readouterr().err
+    assert words in said and said.count("\n") == 1
+    assert not (tmp_path / "zip").exists()
+
+
 @pytest.mark.parametrize("name", ["../above.py", "lib.so", ".hidden.py", "model.onnx"])
 def test_files_that_are_not_text_are_refused(name: str) -> None:
     files = dict(package.contents(LINKS))

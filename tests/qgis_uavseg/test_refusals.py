@@ -38,6 +38,15 @@ def test_the_error_of_the_program_is_the_error_of_the_algorithm(qgis: Any, tmp_p
 
 
 @pytest.mark.slow
+def test_the_error_of_the_program_names_the_fields_of_the_dialog(qgis: Any, tmp_path: Path) -> None:
+    """`inside` tries the other algorithms."""
+    answer = qgis.run("levels", INPUT=QUARRY, WIDTH=0.2, BREAKS="0.5", OUTPUT=tmp_path / "o.gpkg")
+    assert answer.code == 1
+    assert "give “Width of a level in v” P, or “Breaks” V,V,..." in answer.log, answer.log
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
 def test_a_mission_that_must_not_be_flown_fails_with_its_reason(qgis: Any, tmp_path: Path) -> None:
     mission = tmp_path / "m.plan"
     regions = tmp_path / "r.gpkg"

@@ -4,7 +4,9 @@ import json
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import pytest
+from shapely.geometry import Point
 
 SAMPLES = Path(__file__).resolve().parents[2] / "samples"
 QUARRY, SHORE, FIELDS = SAMPLES / "quarry.tif", SAMPLES / "shore.tif", SAMPLES / "fields_rgb.tif"
@@ -230,6 +232,97 @@ def regions(qgis: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path: Path = tmp_path_factory.mktemp("regions") / "pits.gpkg"
     qgis.typed("extract", QUARRY, "--range", "0.55,1", "-o", path)
     return path
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    """Folders of what QGIS and the command line write."""
+    ours, theirs = tmp_path / "qgis", tmp_path / "typed"
+    ours.mkdir()
+    theirs.mkdir()
+    return ours, theirs
+
+
+@pytest.mark.slow
+def test_regions_like_polygons_are_those_of_the_command_line(
+    qgis: Any, regions: Path, folders: tuple[Path, Path]
+) -> None:
+    ours, theirs = folders
+    answer = qgis.run(
+        "match", INPUT=QUARRY, SAMPLE=regions, ANSWER=1, OUTPUT=ours / "o.gpkg", LABELS=ours / "o.tif"
+    )
+    assert answer.code == 0, answer.log
+    words = ("--like", regions, "--answer", "1", "-o", theirs / "o.gpkg", "--labels", theirs / "o.tif")
+    qgis.typed("match", QUARRY, *words)
+    assert _files(ours) == _files(theirs)
+    assert answer.results["COUNT"] > 0
+
+
+def _discs(path: Path, crs: str, *discs: tuple[float, float, float]) -> Path:
+    geometry = [Point(x, y).buffer(radius) for x, y, radius in discs]
+    geopandas.GeoDataFrame(geometry=geometry, crs=crs).to_file(path)
+    return path
+
+
+@pytest.mark.slow
+def test_levels_of_a_real_picture_are_those_of_the_command_line(
+    qgis: Any, shared_data: Path, folders: tuple[Path, Path]
+) -> None:
+    """Sea ice: ice, melt ponds and water."""
+    source, (ours, theirs) = shared_data / "labelled" / "pond0.tif", folders
+    options = {"BREAKS": "otsu:3", "MIN_AREA": "64px", "SMALL": "drop"}
+    answer = qgis.run("levels", INPUT=source, **options, OUTPUT=ours / "o.fgb", LABELS=ours / "o.tif")
+    assert answer.code == 0, answer.log
+    words = [
+        word for name, value in options.items() for word in (f"--{name.lower().replace('_', '-')}", value)
+    ]
+    qgis.typed("levels", source, *words, "-o", theirs / "o.fgb", "--labels", theirs / "o.tif")
+    assert _files(ours) == _files(theirs)
+    assert answer.results["COUNT"] > 3
+
+
+@pytest.mark.slow
+def test_regions_and_ranges_of_a_real_sample_are_those_of_the_command_line(
+    qgis: Any, shared_data: Path, tmp_path: Path, folders: tuple[Path, Path]
+) -> None:
+    """A clearing in a forest, drawn as polygons; what is not sought is drawn too."""
+    source, (ours, theirs) = shared_data / "imagery" / "naip_forest_gap_1m.tif", folders
+    clearing = _discs(tmp_path / "clearing.gpkg", "EPSG:26917", (768369, 4057062, 20), (768349, 4057042, 9))
+    forest = _discs(tmp_path / "forest.gpkg", "EPSG:26917", (768384, 4057205, 12))
+    answer = qgis.run("match", INPUT=source, SAMPLE=clearing, BY="texture", OUTPUT=ours / "o.gpkg")
+    assert answer.code == 0, answer.log
+    qgis.typed("match", source, "--like", clearing, "--by", "texture", "-o", theirs / "o.gpkg")
+    answer = qgis.run("suggestlike", INPUT=source, SAMPLE=clearing, UNLIKE=forest, JSON=ours / "r.json")
+    assert answer.code == 0, answer.log
+    printed = qgis.typed("suggest", source, "--like", clearing, "--unlike", forest, "--json")
+    (theirs / "r.json").write_text(printed, encoding="utf-8")
+    assert _files(ours) == _files(theirs)
+    assert answer.results["COUNT"] == len(json.loads(printed)["ranges"]) > 0
+
+
+@pytest.mark.slow
+def test_states_and_a_path_of_a_real_map_are_those_of_the_command_line(
+    qgis: Any, shared_data: Path, folders: tuple[Path, Path]
+) -> None:
+    """A ROS map by its YAML file; a path that is no GeoJSON has the same place and properties."""
+    source, (ours, theirs) = shared_data / "maps" / "tb3_sandbox.yaml", folders
+    answer = qgis.run("classify", YAML=source, OUTPUT=ours / "s.tif", OBJECTS=ours / "o.gpkg")
+    assert answer.code == 0, answer.log
+    qgis.typed("classify", source, "-o", theirs / "s.tif", "--objects", theirs / "o.gpkg")
+    assert _files(ours) == _files(theirs)
+    assert answer.results["COUNT"] > 3
+    ends = {"START": "-0.55,-0.55", "GOAL": "0.55,0.55"}
+    answer = qgis.run("path", YAML=source, **ends, CLEARANCE=0.1, OUTPUT=ours / "p.gpkg")
+    assert answer.code == 0, answer.log
+    words = [f"--{name.lower()}={place}" for name, place in ends.items()]
+    typed = theirs / "p.geojson"
+    qgis.typed("path", source, "--range", "0,0.45", *words, "--clearance", "0.1", "-o", typed)
+    found, expected = geopandas.read_file(ours / "p.gpkg"), json.loads(typed.read_text())["features"]
+    assert [list(map(list, line.coords)) for line in found.geometry] == [
+        feature["geometry"]["coordinates"] for feature in expected
+    ]
+    assert found["length_m"].tolist() == [feature["properties"]["length_m"] for feature in expected]
+    assert answer.results["LENGTH"] == expected[0]["properties"]["length_m"] > 1.8
 
 
 @pytest.mark.slow
