@@ -15,6 +15,7 @@ import click
 
 from uavseg.cli.terminal.stop import end_soon, exit_code, last_line, stopping_cleanly
 from uavseg.errors import OUT_OF_MEMORY, UavsegError
+from uavseg.plain_text import cause_of, one_line
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
@@ -106,7 +107,6 @@ class _Group(click.Group):
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         from uavseg.cli.terminal.say import library_messages, say
         from uavseg.output.disk import recording_written
-        from uavseg.plain_text import cause_of
 
         with recording_written() as written, stopping_cleanly(written) as unwound:
             try:
@@ -143,15 +143,11 @@ def _fail(ctx: click.Context, text: str, code: int = 1) -> NoReturn:
 
 def _clean(error: click.UsageError) -> click.UsageError:
     """Return the error with its message as one printable line."""
-    from uavseg.plain_text import one_line
-
     return click.UsageError(one_line(error.format_message()), error.ctx)
 
 
 def _system_error(error: OSError) -> str:
     """Return what the system refused, and for which file."""
-    from uavseg.plain_text import cause_of, one_line
-
     named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
     return one_line(f"{named}{cause_of(error)}")
 

@@ -1,7 +1,5 @@
 """`uavseg build-map`: a recorded bag of ROS 1 or ROS 2 becomes a map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from uavseg.cli.command import job_command

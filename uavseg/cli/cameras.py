@@ -1,8 +1,10 @@
 """`uavseg cameras`: the cameras that a survey can be planned for."""
 
-from __future__ import annotations
+import json
 
 from uavseg.cli.command import job_command
+from uavseg.cli.terminal.say import show
+from uavseg.errors import ParameterError
 from uavseg.options.pages import CamerasOptions
 
 
@@ -13,10 +15,6 @@ def command(options: CamerasOptions) -> None:
     A camera of one's own is a JSON file with sensor_width_mm, sensor_height_mm, image_width_px,
     image_height_px, focal_mm and, if they are known, name and min_interval_s.
     """
-    import json
-
-    from uavseg.cli.terminal.say import show
-    from uavseg.errors import ParameterError
     from uavseg.flight.camera.camera import find_cameras
 
     found = find_cameras(" ".join(options.words))

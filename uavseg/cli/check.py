@@ -1,7 +1,5 @@
 """`uavseg check`: what a mission file holds, and who would refuse it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from uavseg.cli.command import job_command

@@ -1,7 +1,5 @@
 """`uavseg describe`: measures of regions, or of the occupied objects of a map."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

@@ -1,10 +1,11 @@
 """`uavseg doctor`: versions and state of this installation, for an issue report."""
 
-from __future__ import annotations
+import json
 
 import click
 
 from uavseg.cli.command import job_command
+from uavseg.cli.terminal.say import show
 from uavseg.options.pages import DoctorOptions
 
 
@@ -15,9 +16,6 @@ def command(options: DoctorOptions) -> None:
     The output fits an issue report: it has no names of folders. The exit code is 1 if something is wrong;
     each problem is a line that says what to do. Nothing is compiled, and nothing is sent to a vehicle.
     """
-    import json
-
-    from uavseg.cli.terminal.say import show
     from uavseg.jobs.install.doctor import doctor
 
     found = doctor()

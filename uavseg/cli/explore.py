@@ -1,7 +1,5 @@
 """`uavseg explore`: a robot drives through a scene until nothing that it can see is unknown."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from uavseg.cli.command import job_command

@@ -11,6 +11,7 @@ import click
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
+from uavseg.errors import MissionError
 from uavseg.options.regions import ExtractOptions
 from uavseg.plain_text import first_of
 
@@ -145,7 +146,6 @@ def _check_classes(options: ExtractOptions, known: list[str]) -> None:
 
 def _check_flyable(wkt: str | None) -> None:
     """Compute nothing over which nobody can fly."""
-    from uavseg.errors import MissionError
     from uavseg.regions.wgs84 import to_wgs84
 
     if wkt is None:

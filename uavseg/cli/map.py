@@ -1,7 +1,5 @@
 """`uavseg map`: a raster with regions and missions as a web page that needs no network."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.options.pages import MapOptions

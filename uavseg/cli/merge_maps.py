@@ -1,7 +1,5 @@
 """`uavseg merge-maps`: maps of robots become one, cropped and turned as it is asked for."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import creation_of, keep_inputs, transaction

@@ -1,7 +1,5 @@
 """`uavseg next-view`: where a robot sees most of what is unknown, and the safe ways there."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import keep_inputs, write_text

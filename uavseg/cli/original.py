@@ -1,7 +1,5 @@
 """`uavseg original`: the original LBP/C, for comparison."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.cli.write import creation_of, keep_inputs

@@ -1,7 +1,5 @@
 """`uavseg footprints` and `uavseg georeference`: what ground photographs show, and a map of them."""
 
-from __future__ import annotations
-
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter

@@ -1,7 +1,5 @@
 """`uavseg plan`: a file of regions becomes a mission file."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 

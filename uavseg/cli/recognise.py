@@ -1,7 +1,5 @@
 """`uavseg recognise`: names of regions, by the examples of a library."""
 
-from __future__ import annotations
-
 import click
 
 from uavseg.cli.command import job_command

@@ -1,7 +1,5 @@
 """`uavseg resume`: the rest of a mission whose flight was cut."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 from uavseg.cli.command import job_command

@@ -1,7 +1,5 @@
 """`uavseg serve`: the page of a raster from a local server, with exact regions and missions."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, show, work_of
 from uavseg.options.pages import ServeOptions

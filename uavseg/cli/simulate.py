@@ -1,7 +1,5 @@
 """`uavseg simulate`: a scene becomes the map that a laser range finder makes of it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from uavseg.cli.command import job_command

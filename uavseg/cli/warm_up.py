@@ -1,7 +1,5 @@
 """`uavseg warm-up`: everything is loaded or compiled once."""
 
-from __future__ import annotations
-
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
 from uavseg.options.pages import WarmUpOptions

@@ -29,8 +29,9 @@ from uavseg.flight.params.plan import (
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
-from uavseg.regions.formats.read import Widths
+from uavseg.regions.formats.read import Widths, read_regions, regions_of_frame
 from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -281,14 +282,12 @@ def open_regions(
     """
     if isinstance(source, Regions):
         return in_degrees(source)
-    from uavseg.regions.formats import read
-
     if isinstance(source, str | os.PathLike | bytes):
         with phase("reading of regions"):
-            return read.read_regions(source, layer, widths=widths)
+            return read_regions(source, layer, widths=widths)
     if not hasattr(source, "geometry") or not hasattr(source, "columns"):
         raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
-    return read.regions_of_frame(source, widths=widths)
+    return regions_of_frame(source, widths=widths)
 
 
 def widths_of(flight: PlanParams) -> Widths:
@@ -302,8 +301,6 @@ def widths_of(flight: PlanParams) -> Widths:
 
 def in_degrees(regions: Regions) -> Regions:
     """Return regions in WGS 84 as GeoJSON has them; OutputError if they have no place on the Earth."""
-    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
-
     polygons: Any = wgs84_geometries(regions)
     return replace(regions, polygons=polygons, wkt="EPSG:4326")
 

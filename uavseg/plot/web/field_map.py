@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ from uavseg.flight.camera.camera import Photos
 from uavseg.flight.formats.files import write_geojson
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.estimate import estimate_text, footprints
+from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
 from uavseg.jobs.source.inputs import keep_inputs
@@ -38,9 +39,6 @@ from uavseg.plot.layers.mission_layer import path_numbers, read_missions
 from uavseg.plot.page.page import length_text
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
 from uavseg.regions.formats.metadata import METADATA_KEY, about_file
-
-if TYPE_CHECKING:
-    from uavseg.flight.mission.mission import Mission
 
 Json = dict[str, Any]
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
@@ -158,7 +156,7 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
 
 
-def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
+def _flight(name: str, mission: Mission, photos: Photos | None) -> dict[str, Any]:
     lat, lon, _ = mission.path
     estimate, shown = mission.estimate, footprints(mission, photos)
     flown = estimate_text(estimate.distance_m, estimate.duration_s)
