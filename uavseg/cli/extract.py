@@ -1,7 +1,5 @@
 """`uavseg extract`: rasters, or a block map, become regions."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -98,7 +96,7 @@ def command(options: ExtractOptions) -> None:
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
-def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
+def _write_partitions(options: ExtractOptions, job: "RegionJob", reporter: Reporter) -> None:
     """Write the regions of one range to a folder of files, and nothing beside it."""
     from uavseg.jobs.extract import check_local, extract_partitions
     from uavseg.jobs.source.open_source import open_source

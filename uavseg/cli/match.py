@@ -1,7 +1,5 @@
 """`uavseg match`: regions of rasters that look like a sample of them, by color and texture."""
 
-from __future__ import annotations
-
 import math
 import shlex
 import sys
@@ -94,7 +92,7 @@ def command(options: MatchOptions) -> None:
     pictures: dict[str, Regions] = {}
     answers, request = list[str](), job.request
 
-    def ask(disc: Disc) -> Any:
+    def ask(disc: "Disc") -> Any:
         drawn.draw(source.dataset, disc, job.read.spec or "auto")
         return _answer(disc, source.geobox, picture, answers)
 
@@ -148,7 +146,7 @@ def _check_samples(options: MatchOptions) -> None:
         raise click.UsageError(f"{why}; leave out {', '.join(given)}")
 
 
-def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any:
+def _answer(disc: "Disc", geobox: "GeoBox", picture: str, answers: list[str]) -> Any:
     """Say where a disc lies, read whether it is wanted, and add that to answers, as an option."""
     x, y, _ = disc.word.split(",")
     lon, lat = (math.nan,) * 2 if geobox.wkt is None else geobox.lonlat_from_xy(disc.x, disc.y)
@@ -169,7 +167,7 @@ def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any
         say(f"an answer is y, n, s or q, not {answer[:40]!r}")
 
 
-def _compared(match: Match) -> dict[str, str]:
+def _compared(match: "Match") -> dict[str, str]:
     """Return what was compared, and what it says of the sample."""
     from uavseg.units import GREY_MAX
 
@@ -189,7 +187,7 @@ def _compared(match: Match) -> dict[str, str]:
     return rows
 
 
-def _classes(found: Extraction) -> dict[str, str]:
+def _classes(found: "Extraction") -> dict[str, str]:
     from collections import Counter
 
     counts = Counter(found.regions.columns["class"].tolist())

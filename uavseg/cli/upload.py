@@ -1,7 +1,5 @@
 """`uavseg upload`: a mission to a vehicle."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
@@ -34,7 +32,7 @@ def command(options: UploadOptions) -> None:
     reporter.say(f"{options.file}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")
 
 
-def vehicle_report(mission: Mission, vehicle: str) -> str:
+def vehicle_report(mission: "Mission", vehicle: str) -> str:
     """Return what was transferred, and the vehicle."""
     parts = [f"{len(mission.items)} items"]
     if mission.fence:

@@ -22,7 +22,6 @@ from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.altitude_profile import check_known, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page import page
 from uavseg.raster.elevation.dem import Dem
@@ -184,8 +183,7 @@ def preview_missions(
         profiles = [flight_profile(mission, ground) for _, mission in named]
     with phase("picture"):
         figure = _figure(named, profiles, width_px / _WIDTH_IN, None if ground is None else ground.name)
-        with atomic_file(target, overwrite) as temporary:
-            page.save_figure(figure, temporary)
+        page.save_figure(figure, target, overwrite)
     return target
 
 

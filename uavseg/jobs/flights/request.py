@@ -1,7 +1,5 @@
 """Requests of missions from their options: how to fly, from where, over which regions, around which zones."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence
@@ -271,7 +269,7 @@ def _names(given: Any) -> Any:
 
 
 def open_regions(
-    source: str | os.PathLike[str] | bytes | GeoDataFrame | Regions,
+    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions",
     layer: str | None = None,
     widths: Widths | None = None,
 ) -> Regions:
@@ -305,7 +303,7 @@ def in_degrees(regions: Regions) -> Regions:
     return replace(regions, polygons=polygons, wkt="EPSG:4326")
 
 
-def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple[list[Any], list[str]]:
+def zone_polygons(options: SafetyOptions, raster: "Source | None" = None) -> tuple[list[Any], list[str]]:
     """Return polygons in degrees of keep-out zones, with notes: of files, frames, or ranges of intensity.
 
     A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
@@ -328,7 +326,7 @@ def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple
     return polygons, notes
 
 
-def _in_range(ends: Sequence[Any], raster: Source | None) -> Regions:
+def _in_range(ends: Sequence[Any], raster: "Source | None") -> Regions:
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.segmentation.params.segment import IntensityRange
 
