@@ -50,7 +50,11 @@ _COMMANDS = {
     "warm-up": "Load or compile everything once, before going to the field.",
 }
 
-_BESIDE = {"footprints": "photographs", "georeference": "photographs"}  # commands that share a module
+# Modules of commands that share one, in which they are functions of their own name.
+_BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
+_BESIDE |= dict.fromkeys(("merge-maps", "simulate"), "build_map")
+_BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
+_BESIDE |= {"resume": "plan", "serve": "map", "warm-up": "doctor"}
 
 
 class _Group(click.Group):
@@ -62,8 +66,9 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        module = importlib.import_module(f"uavseg.cli.{_BESIDE.get(name, name.replace('-', '_'))}")
-        command: click.Command = getattr(module, name if name in _BESIDE else "command")
+        own = name.replace("-", "_")
+        module = importlib.import_module(f"uavseg.cli.{_BESIDE.get(name, own)}")
+        command: click.Command = getattr(module, own if name in _BESIDE else "command")
         if ctx.resilient_parsing:  # of a shell that completes the line
             from uavseg.cli.command import completing_files
 

@@ -3,6 +3,7 @@
 import math
 import shlex
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +25,6 @@ from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
-    from uavseg.jobs.result.result import Extraction
     from uavseg.raster.grid.geobox import GeoBox
     from uavseg.regions.sample.place import Disc
     from uavseg.regions.table import Regions
@@ -107,7 +107,8 @@ def command(options: MatchOptions) -> None:
             pictures = {f"--answer {n}: {ANSWERS[n]}": regions for n, regions in answered.items()}
     else:
         found = job.find(source, work)
-        compared = _classes(found)
+        counts = sorted(Counter(found.regions.columns["class"].tolist()).items())
+        compared = {"classes": ", ".join(f"{name} {count:,}" for name, count in counts) or "none"}
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     for line in filter(None, advice):
         reporter.say(line)
@@ -185,11 +186,3 @@ def _compared(match: "Match") -> dict[str, str]:
         own = f"{texture.own:.3f} beyond chance in the sample"
         rows["G per pixel"] = f"{own}, up to {texture.limit:.3f} is like it"
     return rows
-
-
-def _classes(found: "Extraction") -> dict[str, str]:
-    from collections import Counter
-
-    counts = Counter(found.regions.columns["class"].tolist())
-    parts = [f"{name} {count:,}" for name, count in sorted(counts.items())]
-    return {"classes": ", ".join(parts) or "none"}

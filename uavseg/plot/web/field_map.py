@@ -213,7 +213,7 @@ def _packed(values: NDArray[Any]) -> str:
 def read_collection(regions: Any) -> dict[str, Any]:
     """Convert regions of a file or GeoDataFrame to GeoJSON features in WGS 84, with their metadata."""
     table = open_regions(regions)
-    columns = {name: _values(column) for name, column in table.columns.items()}
+    columns = {name: list(map(_value, np.asarray(column).tolist())) for name, column in table.columns.items()}
     oriented = shapely.orient_polygons(table.polygons)
     features = []
     for n, polygon in enumerate(shapely.transform(oriented, lambda xy: xy.round(_REGION_DECIMALS))):
@@ -252,12 +252,8 @@ def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[in
     return low, max(high, low + 1)  # the ends of the slider are never the same
 
 
-def _values(column: NDArray[Any]) -> list[Any]:
-    """Convert values to those of JSON: floats with up to twelve significant digits, other types to text."""
-    return [_value(value) for value in np.asarray(column).tolist()]
-
-
 def _value(value: Any) -> Any:
+    """Convert a value to one of JSON: floats with up to twelve significant digits, other types to text."""
     if isinstance(value, float):
         return float(f"{value:.12g}") if math.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
