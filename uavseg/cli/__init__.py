@@ -53,8 +53,9 @@ _COMMANDS = {
 # Modules of commands that share one, in which they are functions of their own name.
 _BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
 _BESIDE |= dict.fromkeys(("merge-maps", "simulate"), "build_map")
+_BESIDE |= dict.fromkeys(("cameras", "resume"), "plan")
 _BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
-_BESIDE |= {"resume": "plan", "serve": "map", "warm-up": "doctor"}
+_BESIDE |= {"serve": "map", "warm-up": "doctor"}
 
 
 class _Group(click.Group):
