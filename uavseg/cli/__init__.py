@@ -53,9 +53,9 @@ _COMMANDS = {
 # Modules of commands that share one, in which they are functions of their own name.
 _BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
 _BESIDE |= dict.fromkeys(("merge-maps", "simulate"), "build_map")
-_BESIDE |= dict.fromkeys(("cameras", "resume"), "plan")
+_BESIDE |= dict.fromkeys(("cameras", "warm-up"), "doctor")
 _BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
-_BESIDE |= {"serve": "map", "warm-up": "doctor"}
+_BESIDE |= {"resume": "plan", "serve": "map"}
 
 
 class _Group(click.Group):
