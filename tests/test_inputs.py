@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavseg.errors import MissionError, RasterReadError
-from uavseg.inputs import MAX_DEPTH, check_yaml_brackets, parse_json, read_bytes, regular_file
+from uavseg.inputs import MAX_DEPTH, check_yaml_brackets, parse_json, parse_yaml, read_bytes, regular_file
 
 
 def test_a_regular_file_is_an_input_and_so_is_a_link_to_one(tmp_path: Path) -> None:
@@ -68,3 +68,13 @@ def test_yaml_that_is_nested_too_deeply_is_refused_before_it_is_scanned() -> Non
     check_yaml_brackets(b"[" * MAX_DEPTH)
     with pytest.raises(ValueError, match="nested more than 64 deep"):
         check_yaml_brackets(b"x: " + b"[{" * MAX_DEPTH)
+
+
+def test_yaml_is_plain_values_or_one_line_that_says_why_not() -> None:
+    read = parse_yaml(b"a: [1, x, {b: null}]", MissionError, "aliases", "no YAML")
+    assert read == {"a": [1, "x", {"b": None}]}
+    with pytest.raises(MissionError, match=r"^it has aliases$"):
+        parse_yaml(b"a: &x [1]\nb: *x", MissionError, "it has aliases", "no YAML")
+    for content in (b"a: [", b"a: !!bool maybe", b"a: !!int x", b"{[1]: 2}", b"\xff", b"[" * (MAX_DEPTH + 1)):
+        with pytest.raises(MissionError, match=r"^no YAML \(.+\)$"):
+            parse_yaml(content, MissionError, "aliases", "no YAML")

@@ -1,7 +1,5 @@
 """Checks of arguments: each value against the annotation of its parameter, with a sentence where it fails."""
 
-from __future__ import annotations
-
 import collections.abc
 import functools
 import inspect

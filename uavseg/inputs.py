@@ -86,6 +86,21 @@ def check_yaml_brackets(content: bytes) -> None:
             raise ValueError(f"it is nested more than {MAX_DEPTH} deep")
 
 
+def parse_yaml(content: bytes, error: Error, aliases: str, invalid: str) -> Any:
+    """Parse YAML of plain values; an `error` says `aliases` where it has some (*name), else `invalid`."""
+    import yaml
+
+    try:
+        check_yaml_brackets(content)
+        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
+            raise error(aliases)
+        return yaml.safe_load(content)
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError, KeyError) as cause:
+        if isinstance(cause, UavsegError):
+            raise
+        raise error(f"{invalid} ({cause_of(cause)})") from cause
+
+
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 
 

@@ -15,6 +15,7 @@ import click
 
 from uavseg.cli.terminal.stop import end_soon, exit_code, last_line, stopping_cleanly
 from uavseg.errors import OUT_OF_MEMORY, UavsegError
+from uavseg.plain_text import cause_of, one_line
 
 _COMMANDS = {
     "extract": "Extract regions within a range of intensity.",
@@ -49,7 +50,12 @@ _COMMANDS = {
     "warm-up": "Load or compile everything once, before going to the field.",
 }
 
-_BESIDE = {"footprints": "photographs", "georeference": "photographs"}  # commands that share a module
+# Modules of commands that share one, in which they are functions of their own name.
+_BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
+_BESIDE |= dict.fromkeys(("merge-maps", "simulate"), "build_map")
+_BESIDE |= dict.fromkeys(("cameras", "warm-up"), "doctor")
+_BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
+_BESIDE |= {"resume": "plan", "serve": "map"}
 
 
 class _Group(click.Group):
@@ -61,8 +67,9 @@ class _Group(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        module = importlib.import_module(f"uavseg.cli.{_BESIDE.get(name, name.replace('-', '_'))}")
-        command: click.Command = getattr(module, name if name in _BESIDE else "command")
+        own = name.replace("-", "_")
+        module = importlib.import_module(f"uavseg.cli.{_BESIDE.get(name, own)}")
+        command: click.Command = getattr(module, own if name in _BESIDE else "command")
         if ctx.resilient_parsing:  # of a shell that completes the line
             from uavseg.cli.command import completing_files
 
@@ -106,7 +113,6 @@ class _Group(click.Group):
         """Run the command; what the user can mend is one line on stderr and exit code 1."""
         from uavseg.cli.terminal.say import library_messages, say
         from uavseg.output.disk import recording_written
-        from uavseg.plain_text import cause_of
 
         with recording_written() as written, stopping_cleanly(written) as unwound:
             try:
@@ -143,15 +149,11 @@ def _fail(ctx: click.Context, text: str, code: int = 1) -> NoReturn:
 
 def _clean(error: click.UsageError) -> click.UsageError:
     """Return the error with its message as one printable line."""
-    from uavseg.plain_text import one_line
-
     return click.UsageError(one_line(error.format_message()), error.ctx)
 
 
 def _system_error(error: OSError) -> str:
     """Return what the system refused, and for which file."""
-    from uavseg.plain_text import cause_of, one_line
-
     named = "" if error.filename is None else f"{os.fsdecode(error.filename)}: "
     return one_line(f"{named}{cause_of(error)}")
 

@@ -1,13 +1,12 @@
-"""`uavseg build-map`: a recorded bag of ROS 1 or ROS 2 becomes a map."""
-
-from __future__ import annotations
+"""`uavseg build-map`, `merge-maps` and `simulate`: a bag, several maps or a scene become a map."""
 
 from pathlib import Path
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter
-from uavseg.cli.write import creation_of, keep_inputs, transaction
-from uavseg.options.maps import BuildMapOptions
+from uavseg.cli.terminal.say import Reporter, showing_phases
+from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
+from uavseg.errors import OutputError
+from uavseg.options.maps import BuildMapOptions, MergeMapsOptions, SimulateOptions
 
 
 @job_command("build-map", BuildMapOptions)
@@ -45,3 +44,109 @@ def command(options: BuildMapOptions) -> None:
         cells=shares_of(found.grid.probabilities),
         written=", ".join(files),
     )
+
+
+@job_command("merge-maps", MergeMapsOptions)
+def merge_maps(options: MergeMapsOptions) -> None:
+    """Merge MAPs that lie in one frame into one; a single MAP may be cropped and turned.
+
+    A MAP is the YAML file of a ROS map, or a raster of probabilities in metres. The cells are those of the
+    first MAP, as far as all of them reach. Where maps differ, the value farthest from 0.5 counts; what is
+    occupied in one of them is occupied. Turning and other resolutions lose no obstacle.
+    """
+    from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
+    from uavseg.occupancy.map_file import check_map_path, shares_of
+    from uavseg.occupancy.ros.ros_map import placement
+
+    reporter = Reporter(options.messages)
+    target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
+    files = check_map_path(target, overwrite, mode)
+    keep_inputs(files, *options.maps)
+    creation_of(options.creation, {target: "float32"})
+    request = MergeRequest(options.crop, options.unrotate, options.resolution)
+    with showing_phases(reporter.quiet):
+        found = merge_maps(options.maps, request)
+    reporter.finish(found.warnings)
+    with transaction():
+        found.write(target, overwrite, options.creation.creation_options, mode)
+    rows, cols = found.geobox.shape
+    side, (x, y, yaw), _ = placement(found.geobox)
+    reporter.table(
+        maps=f"{len(options.maps):,}",
+        map=f"{rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}",
+        cells=shares_of(found.probabilities),
+        written=", ".join(files),
+    )
+
+
+@job_command("simulate", SimulateOptions)
+def simulate(options: SimulateOptions) -> None:
+    """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
+
+    lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
+    like a divergent lens, and eight with σ = 3 cm of two circles. SCENE.json holds polygons and circles, a
+    sensor, its poses and the cells of the map.
+
+    The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
+    and visible (the sensor could see it, into what is solid as deep as 3 σ).
+    """
+    from uavseg.jobs.maps.build_map import SimulateRequest, simulate
+    from uavseg.occupancy.map_file import write_map
+    from uavseg.occupancy.mapping.grid import grey_picture
+    from uavseg.raster.formats.geotiff import write_geotiff
+    from uavseg.raster.formats.png import write_png
+
+    reporter = Reporter(options.messages)
+    output, png, truth = options.output, options.png, options.truth
+    scene, overwrite = options.scene, options.files.overwrite
+    keep_inputs([path for path in (output, png, truth) if path], scene)
+    outputs = _check_targets(output, png, truth, overwrite)
+    creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
+    request = SimulateRequest(
+        options.seed,
+        options.poses,
+        sigma_m=options.sigma,
+        max_range_m=options.max_range,
+        fov_deg=options.fov,
+        step_deg=options.step,
+    )
+    found = simulate(scene, request)
+    grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
+    tags = {"scene": scene, "seed": str(options.seed)}
+    with transaction():
+        write_map(output, grid.probabilities, grid.geobox, overwrite, tags=tags, creation=creation)
+        if png:
+            write_png(png, grey_picture(grid.probabilities), overwrite)
+        if truth:
+            real = simulation.truth()
+            bands = [real.states, real.solid.view("uint8"), real.visible.view("uint8")]
+            names = ["state: 1 free, 2 unseen, 3 occupied", "solid", "visible"]
+            write_geotiff(truth, bands, simulation.geobox, names, overwrite=overwrite, creation=creation)
+    (rows, cols), values = grid.geobox.shape, grid.probabilities
+    cells = {"below 0.5": values < 0.5, "never seen": values == 0.5, "above 0.5": values > 0.5}
+    beams = f"{len(sensor.angles)} beams, {sensor.step_deg:g} degrees apart"
+    reach = f"sigma {sensor.sigma_m:g} m, up to {sensor.max_range_m:g} m"
+    reporter.table(
+        map=f"{rows} x {cols} cells of {grid.geobox.transform.a:g} m",
+        scans=f"{len(simulation.poses)} of {beams}, {reach}",
+        cells=", ".join(f"{name} {100 * inside.mean():.1f} %" for name, inside in cells.items()),
+        written=", ".join(outputs),
+    )
+
+
+def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
+    """Check that all can be written, before the work; returns the files that will be."""
+    from uavseg.occupancy.map_file import check_map_path
+    from uavseg.output.atomic import check_target
+    from uavseg.raster.formats.geotiff import check_geotiff_name
+
+    others = [path for path in (png, truth) if path]
+    if png and Path(png).suffix.lower() != ".png":
+        raise OutputError(f"{png}: the picture of a map is a PNG; name a .png")
+    if truth:
+        check_geotiff_name(truth, "the truth of a scene")
+    for path in others:
+        check_target(path, overwrite)
+    paths = [*check_map_path(output, overwrite), *others]
+    check_distinct(*paths)
+    return paths

@@ -1,7 +1,6 @@
 """`uavseg check`: what a mission file holds, and who would refuse it."""
 
-from __future__ import annotations
-
+import json
 from typing import Any
 
 from uavseg.cli.command import job_command
@@ -34,8 +33,6 @@ def command(options: CheckOptions) -> None:
     if gaps is not None:
         found.write_gaps(gaps, options.files.overwrite)
     if options.as_json:
-        import json
-
         show(json.dumps(found.as_dict(), indent=2, allow_nan=False))
     elif not quiet:
         rows = _rows(found.as_dict())

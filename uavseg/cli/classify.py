@@ -1,7 +1,5 @@
 """`uavseg classify`: a map of probabilities becomes free, unknown and occupied cells, and objects."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -69,7 +67,7 @@ def command(options: ClassifyOptions) -> None:
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
-def _rows(found: Classification, limits: StateLimits, target: str, objects: str | None) -> dict[str, str]:
+def _rows(found: "Classification", limits: "StateLimits", target: str, objects: str | None) -> dict[str, str]:
     rows, cols = found.geobox.shape
     names = {1: "free", 2: "unknown", 3: "occupied", 0: "no data"}
     shares = {

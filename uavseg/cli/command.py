@@ -1,7 +1,5 @@
 """Commands that are built from the options of a job: parameters, grouped help, and the call."""
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Callable, Iterator, Sequence

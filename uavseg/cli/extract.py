@@ -1,7 +1,5 @@
 """`uavseg extract`: rasters, or a block map, become regions."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +9,7 @@ import click
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
+from uavseg.errors import MissionError
 from uavseg.options.regions import ExtractOptions
 from uavseg.plain_text import first_of
 
@@ -97,7 +96,7 @@ def command(options: ExtractOptions) -> None:
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 
-def _write_partitions(options: ExtractOptions, job: RegionJob, reporter: Reporter) -> None:
+def _write_partitions(options: ExtractOptions, job: "RegionJob", reporter: Reporter) -> None:
     """Write the regions of one range to a folder of files, and nothing beside it."""
     from uavseg.jobs.extract import check_local, extract_partitions
     from uavseg.jobs.source.open_source import open_source
@@ -145,7 +144,6 @@ def _check_classes(options: ExtractOptions, known: list[str]) -> None:
 
 def _check_flyable(wkt: str | None) -> None:
     """Compute nothing over which nobody can fly."""
-    from uavseg.errors import MissionError
     from uavseg.regions.wgs84 import to_wgs84
 
     if wkt is None:

@@ -1,5 +1,6 @@
 """`uavseg info`: what a raster is and what to try with it, or what a file of regions holds."""
 
+import json
 import sys
 
 from uavseg.cli.command import job_command
@@ -35,8 +36,6 @@ def command(options: InfoOptions) -> None:
         summary = info(open_to_describe(rasters, options.read), work, rasters)
         text, values = summary_text(summary), summary.as_dict()
     if options.as_json:
-        import json
-
         show(json.dumps(values, indent=2, allow_nan=False))
     else:
         encoding = getattr(sys.stdout, "encoding", None) or "utf-8"

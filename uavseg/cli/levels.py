@@ -1,7 +1,5 @@
 """`uavseg levels`: rasters, or a block map, divided into levels between breaks of v."""
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING
 
 import click
@@ -56,7 +54,7 @@ def command(options: LevelsOptions) -> None:
     )
 
 
-def _width(found: Extraction, width: float) -> str:
+def _width(found: "Extraction", width: float) -> str:
     """Return the width of a level in v, and in values where they are known."""
     if found.axis is None:
         return f"{width:g} of v"
@@ -65,7 +63,7 @@ def _width(found: Extraction, width: float) -> str:
     return f"{width:g} of v ({abs(last - first):.6g}{unit})"
 
 
-def _levels_row(found: Extraction, request: LevelsRequest) -> str:
+def _levels_row(found: "Extraction", request: "LevelsRequest") -> str:
     """Return how many levels there are, for the table at the end."""
     from uavseg.jobs.ranges.level_breaks import BreakChoice
     from uavseg.segmentation.params.segment import Levels

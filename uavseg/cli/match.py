@@ -1,10 +1,9 @@
 """`uavseg match`: regions of rasters that look like a sample of them, by color and texture."""
 
-from __future__ import annotations
-
 import math
 import shlex
 import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +25,6 @@ from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.match.match import Match
-    from uavseg.jobs.result.result import Extraction
     from uavseg.raster.grid.geobox import GeoBox
     from uavseg.regions.sample.place import Disc
     from uavseg.regions.table import Regions
@@ -94,7 +92,7 @@ def command(options: MatchOptions) -> None:
     pictures: dict[str, Regions] = {}
     answers, request = list[str](), job.request
 
-    def ask(disc: Disc) -> Any:
+    def ask(disc: "Disc") -> Any:
         drawn.draw(source.dataset, disc, job.read.spec or "auto")
         return _answer(disc, source.geobox, picture, answers)
 
@@ -109,7 +107,8 @@ def command(options: MatchOptions) -> None:
             pictures = {f"--answer {n}: {ANSWERS[n]}": regions for n, regions in answered.items()}
     else:
         found = job.find(source, work)
-        compared = _classes(found)
+        counts = sorted(Counter(found.regions.columns["class"].tolist()).items())
+        compared = {"classes": ", ".join(f"{name} {count:,}" for name, count in counts) or "none"}
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     for line in filter(None, advice):
         reporter.say(line)
@@ -148,7 +147,7 @@ def _check_samples(options: MatchOptions) -> None:
         raise click.UsageError(f"{why}; leave out {', '.join(given)}")
 
 
-def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any:
+def _answer(disc: "Disc", geobox: "GeoBox", picture: str, answers: list[str]) -> Any:
     """Say where a disc lies, read whether it is wanted, and add that to answers, as an option."""
     x, y, _ = disc.word.split(",")
     lon, lat = (math.nan,) * 2 if geobox.wkt is None else geobox.lonlat_from_xy(disc.x, disc.y)
@@ -169,7 +168,7 @@ def _answer(disc: Disc, geobox: GeoBox, picture: str, answers: list[str]) -> Any
         say(f"an answer is y, n, s or q, not {answer[:40]!r}")
 
 
-def _compared(match: Match) -> dict[str, str]:
+def _compared(match: "Match") -> dict[str, str]:
     """Return what was compared, and what it says of the sample."""
     from uavseg.units import GREY_MAX
 
@@ -187,11 +186,3 @@ def _compared(match: Match) -> dict[str, str]:
         own = f"{texture.own:.3f} beyond chance in the sample"
         rows["G per pixel"] = f"{own}, up to {texture.limit:.3f} is like it"
     return rows
-
-
-def _classes(found: Extraction) -> dict[str, str]:
-    from collections import Counter
-
-    counts = Counter(found.regions.columns["class"].tolist())
-    parts = [f"{name} {count:,}" for name, count in sorted(counts.items())]
-    return {"classes": ", ".join(parts) or "none"}

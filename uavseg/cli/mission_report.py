@@ -1,7 +1,5 @@
 """Report of missions: a table on stderr, or JSON."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,7 +14,7 @@ if TYPE_CHECKING:
 Paths = Sequence[str | Path]
 
 
-def report(missions: Sequence[Mission], regions: int, paths: Paths, notes: Sequence[str]) -> None:
+def report(missions: "Sequence[Mission]", regions: int, paths: Paths, notes: Sequence[str]) -> None:
     """Print estimates of missions on stderr, and notes on them."""
     from uavseg.flight.mission.estimate import estimate_text
 
@@ -33,7 +31,7 @@ def report(missions: Sequence[Mission], regions: int, paths: Paths, notes: Seque
         say(f"note: {note}")
 
 
-def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
+def flight_table(flights: "Sequence[tuple[str, Estimate]]") -> list[str]:
     """Return lines of a table: what each flight takes and gives; without the columns that no flight has."""
     rows = [_cells(name, found) for name, found in flights]
     kept = [head for head in rows[0] if any(row[head] for row in rows)]
@@ -43,7 +41,7 @@ def flight_table(flights: Sequence[tuple[str, Estimate]]) -> list[str]:
     return ["  ".join(f"{row[head]:{sides[head]}{widths[head]}}" for head in kept).rstrip() for row in lines]
 
 
-def _cells(name: str, found: Estimate) -> dict[str, str]:
+def _cells(name: str, found: "Estimate") -> dict[str, str]:
     return {
         "flight": name,
         "km": f"{found.distance_m / 1000:.2f}",
@@ -67,7 +65,7 @@ def _clock(seconds: float) -> str:
 
 
 def missions_json(
-    missions: Sequence[Mission], regions: int, paths: Paths, warnings: Sequence[str], with_footprints: bool
+    missions: "Sequence[Mission]", regions: int, paths: Paths, warnings: Sequence[str], with_footprints: bool
 ) -> dict[str, Any]:
     """Return what programs read of missions: files, estimates and warnings, perhaps footprints."""
     shown = _footprints if with_footprints else lambda mission: {}
@@ -82,7 +80,7 @@ def missions_json(
     }
 
 
-def _footprints(mission: Mission) -> dict[str, Any]:
+def _footprints(mission: "Mission") -> dict[str, Any]:
     """Return the corners (lon, lat) of what each photograph shows, in degrees to a millimetre; or why not."""
     from uavseg.flight.mission.estimate import footprints
 

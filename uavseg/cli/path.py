@@ -1,7 +1,5 @@
 """`uavseg path`: the shortest path between two places of one region of a map."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -62,7 +60,7 @@ def command(options: PathOptions) -> None:
         report([mission], 1, [output], [*mission.warnings, *unwritten])
 
 
-def _flight(options: PathOptions) -> PlanParams | None:
+def _flight(options: PathOptions) -> "PlanParams | None":
     """Return how to fly, checked before any work is done; None where a line is written."""
     output = options.output
     if output == "-" or Path(output).suffix.lower() in _LINES:
@@ -82,7 +80,7 @@ def _flight(options: PathOptions) -> PlanParams | None:
     return PlanParams(options.altitude, speed_m_s=options.speed, autopilot=options.autopilot)
 
 
-def _rows(found: PathFound, output: str) -> dict[str, str]:
+def _rows(found: "PathFound", output: str) -> dict[str, str]:
     way = found.path
     unit = "m" if found.in_metres else "units of the map"
     rows = {

@@ -1,7 +1,5 @@
 """`uavseg footprints` and `uavseg georeference`: what ground photographs show, and a map of them."""
 
-from __future__ import annotations
-
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
@@ -28,11 +26,9 @@ def footprints(options: FootprintsOptions) -> None:
     write.write_region_output(found, target, overwrite)
     area = found.regions.columns["area_m2"]
     reporter.table(
-        {
-            "footprints": f"{len(found.regions):,} -> {write.shown(target)}",
-            "areas": f"{area.min():,.1f} to {area.max():,.1f} m2",
-            "seconds": f"{reporter.seconds:.2f}",
-        }
+        footprints=f"{len(found.regions):,} -> {write.shown(target)}",
+        areas=f"{area.min():,.1f} to {area.max():,.1f} m2",
+        seconds=f"{reporter.seconds:.2f}",
     )
 
 
@@ -50,12 +46,10 @@ def georeference(options: GeoreferenceOptions) -> None:
     found = job.georeference(options.photographs, options, reporter.progress)
     reporter.finish(found.warnings)
     rows, cols = found.geobox.shape
+    pixels = f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm"
     reporter.table(
-        {
-            "photos": f"{len(found.photographs):,}",
-            "map": f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm "
-            f"-> {write.shown(str(found.path))}",
-            "error": f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
-            "seconds": f"{reporter.seconds:.2f}",
-        }
+        photos=f"{len(found.photographs):,}",
+        map=f"{pixels} -> {write.shown(str(found.path))}",
+        error=f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
+        seconds=f"{reporter.seconds:.2f}",
     )

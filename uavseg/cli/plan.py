@@ -1,6 +1,4 @@
-"""`uavseg plan`: a file of regions becomes a mission file."""
-
-from __future__ import annotations
+"""`uavseg plan` and `uavseg resume`: a mission over regions, and the rest of one that was cut."""
 
 import json
 from dataclasses import asdict
@@ -12,6 +10,7 @@ from uavseg.cli.mission_report import missions_json, report
 from uavseg.cli.terminal.say import Reporter, show, showing_phases
 from uavseg.cli.write import keep_inputs, write_plan_output
 from uavseg.options.flights import PlanOptions
+from uavseg.options.missions import ResumeOptions
 
 
 @job_command("plan", PlanOptions)
@@ -56,3 +55,25 @@ def command(options: PlanOptions) -> None:
         show(json.dumps(written, allow_nan=False))
     if not reporter.quiet:
         report(planned.missions, planned.regions, paths, notes)
+
+
+@job_command("resume", ResumeOptions)
+def resume(options: ResumeOptions) -> None:
+    """Plan the rest of MISSION (any file that uavseg check reads), whose flight was cut.
+
+    Take off as before, fly to the last photograph, take it again, and go on with what is left; camera,
+    gimbal and speed are set as they were. Fence and rally points stay.
+    """
+    from uavseg.flight.formats import files
+    from uavseg.jobs.flights.resume import resume
+    from uavseg.output.atomic import check_target
+
+    quiet, output, overwrite = Reporter(options.messages).quiet, options.output, options.files.overwrite
+    files.file_options(output, **asdict(options.mission_files))
+    check_target(output, overwrite)
+    keep_inputs([output], options.file, options.start if isinstance(options.start, str) else None)
+    with showing_phases(quiet):
+        planned = resume(options.file, options.start)
+    paths, unwritten = write_plan_output(planned, output, overwrite, options.mission_files)
+    if not quiet:
+        report(planned.missions, 0, paths, [*planned.warnings, *unwritten])

@@ -1,7 +1,6 @@
 """`uavseg preview`: a picture of a raster with what was found in it, or of missions alone."""
 
-from __future__ import annotations
-
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import click
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
+from uavseg.cli.write import warnings_of
 from uavseg.errors import ParameterError
 from uavseg.options.pages import PreviewOptions
 from uavseg.options.reading import ReadOptions
@@ -60,7 +60,6 @@ def _missions_alone(options: PreviewOptions) -> list[str]:
 
 
 def _draw_missions(missions: list[str], options: PreviewOptions, reporter: Reporter) -> None:
-    from uavseg.cli.write import warnings_of
     from uavseg.plot.preview_missions import preview_missions
 
     given = [name for name in _LAYERS[:-1] if getattr(options, name) is not None]
@@ -78,9 +77,6 @@ def _draw_missions(missions: list[str], options: PreviewOptions, reporter: Repor
 
 
 def _draw_raster(options: PreviewOptions, reporter: Reporter) -> None:
-    from dataclasses import replace
-
-    from uavseg.cli.write import warnings_of
     from uavseg.jobs.source.open_source import open_pixels
     from uavseg.jobs.source.source import ProbabilityMap
     from uavseg.jobs.source.work import Work

@@ -1,12 +1,11 @@
-"""`uavseg upload`: a mission to a vehicle."""
-
-from __future__ import annotations
+"""`uavseg upload` and `uavseg download`: a mission to a vehicle, and the mission that it holds."""
 
 from typing import TYPE_CHECKING
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
-from uavseg.options.missions import UploadOptions
+from uavseg.cli.write import write_mission_output
+from uavseg.options.missions import DownloadOptions, UploadOptions
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
@@ -34,7 +33,7 @@ def command(options: UploadOptions) -> None:
     reporter.say(f"{options.file}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")
 
 
-def vehicle_report(mission: Mission, vehicle: str) -> str:
+def vehicle_report(mission: "Mission", vehicle: str) -> str:
     """Return what was transferred, and the vehicle."""
     parts = [f"{len(mission.items)} items"]
     if mission.fence:
@@ -42,3 +41,23 @@ def vehicle_report(mission: Mission, vehicle: str) -> str:
     if mission.rally:
         parts.append(f"{len(mission.rally)} rally point{'s' * (len(mission.rally) > 1)}")
     return f"{', '.join(parts)} ({vehicle})"
+
+
+@job_command("download", DownloadOptions)
+def download(options: DownloadOptions) -> None:
+    """Read the mission that a vehicle holds, with its fence and rally points, to a file.
+
+    The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
+    """
+    from uavseg.flight.formats.files import check_mission_format
+    from uavseg.jobs.flights.link import LinkRequest, download
+    from uavseg.output.atomic import check_target
+
+    reporter = Reporter(options.messages, options.progress)
+    output, overwrite = options.output, options.files.overwrite
+    check_mission_format(output)
+    check_target(output, overwrite)
+    found = download(LinkRequest(options.link.connect, options.link.timeout), reporter.progress)
+    unwritten = write_mission_output(found.mission, output, overwrite)
+    reporter.finish((*found.warnings, *unwritten))
+    reporter.say(f"{output}: {vehicle_report(found.mission, found.vehicle)}")

@@ -4,8 +4,6 @@ Not `click.progressbar`: `api` and notebooks draw this bar without click, and a 
 thread, so a bar of click would replace 9 lines. Not tqdm: a dependency for the same.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import time
@@ -50,7 +48,7 @@ class PhaseLine:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._draw_often, name=f"{OWN_THREAD}bar", daemon=True)
 
-    def __enter__(self) -> PhaseLine:
+    def __enter__(self) -> "PhaseLine":
         self._thread.start()
         return self
 

@@ -11,8 +11,6 @@ from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import Window
 from uavseg.segmentation.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
 
-DEFAULTS = LbpcParams()
-
 
 @dataclass(frozen=True)
 class OriginalSegments:
@@ -23,7 +21,7 @@ class OriginalSegments:
     warnings: tuple[str, ...]
 
 
-def original(source: Source, request: LbpcParams = DEFAULTS, work: Work = SERIAL) -> OriginalSegments:
+def original(source: Source, request: LbpcParams = LbpcParams(), work: Work = SERIAL) -> OriginalSegments:
     """Return segments by texture alone (Ojala, Pietikäinen, 1999); RasterError above 4096 x 4096 pixels."""
     work = work.begun()
     pixels = pixels_of(source, "a block map is divided already; name the raster itself")

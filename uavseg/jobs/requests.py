@@ -1,7 +1,5 @@
 """Requests of the jobs that make regions, from their options: the same for every face."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Sequence
 from numbers import Real
@@ -34,10 +32,10 @@ Find = Callable[..., Extraction]
 class RegionJob:
     """A job that finds regions in a source: how that is read, and what `find` answers, the request."""
 
-    read: ReadOptions
+    read: "ReadOptions"
     find: Callable[[Source, Work], Extraction]
     request: Any = None
-    opened: Callable[[Any, ReadOptions], Source] = open_source  # by what its sources are opened
+    opened: "Callable[[Any, ReadOptions], Source]" = open_source  # by what its sources are opened
 
 
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:
@@ -118,7 +116,7 @@ def _match(options: MatchOptions) -> tuple[Find, Any]:
     )
 
 
-def suggest_request(options: SuggestOptions) -> SuggestRequest:
+def suggest_request(options: SuggestOptions) -> "SuggestRequest":
     """Return which ranges are suggested; refuse a number of classes that is none with ParameterError."""
     from uavseg.jobs.suggest import SuggestRequest
 
@@ -128,14 +126,14 @@ def suggest_request(options: SuggestOptions) -> SuggestRequest:
     return SuggestRequest(classes if isinstance(classes, int) else None, options.division.segment_params())
 
 
-def suggest_like_request(options: SuggestOptions) -> SuggestLikeRequest:
+def suggest_like_request(options: SuggestOptions) -> "SuggestLikeRequest":
     """Return the sample that suggested ranges part."""
     from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
 
     return SuggestLikeRequest(samples_of(options.like), samples_of(options.unlike), tuple(options.bands))
 
 
-def samples_of(given: Any) -> tuple[Disc | str, ...]:
+def samples_of(given: Any) -> "tuple[Disc | str, ...]":
     """Return one sample or several for requests: files of polygons, X,Y,RADIUS as text, or discs."""
     from uavseg.regions.sample.place import Disc, parse_like
 

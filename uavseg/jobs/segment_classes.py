@@ -246,9 +246,8 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
     how: dict[str, Any] = {"classes": names}
-    how |= results.segment_facts(request.segment) | results.drawing_facts(
-        request.drawing, request.fill_holes, request.min_area, request.detail
-    )
+    how |= results.segment_facts(request.segment)
+    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
     how |= {"min_confidence": request.min_confidence}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.errors import IntensityRangeError, ParameterError
-from uavseg.inputs import check_yaml_brackets, read_bytes
+from uavseg.inputs import parse_yaml, read_bytes
 from uavseg.options.regions import RangeOptions
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.intensity.value_range import ValueRange
@@ -232,17 +232,8 @@ def _csv_rows(content: bytes) -> list[dict[str, Any]]:
 
 def _yaml_rows(content: bytes) -> list[dict[str, Any]]:
     """Return the list of classes, or a mapping of names to ranges, as rows."""
-    import yaml
-
-    try:
-        check_yaml_brackets(content)
-        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
-            raise ParameterError("it has aliases (*name), which are not read")
-        result = yaml.safe_load(content)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"it is not YAML ({cause_of(error)})") from error
+    aliases = "it has aliases (*name), which are not read"
+    result = parse_yaml(content, ParameterError, aliases, "it is not YAML")
     if isinstance(result, dict) and isinstance(result.get("classes"), list | dict):
         result = result["classes"]
     if isinstance(result, dict):

@@ -303,13 +303,7 @@ class SimulateOptions(Options):
     """Sensor."""
 
     scene: str = argument("lens|circles|SCENE.json", required=True)
-    output: str = option(
-        "The map: .tif (probabilities), or .yaml (ROS map).",
-        *("-o", "--output"),
-        required=True,
-        metavar="MAP",
-        basic=True,
-    )
+    output: str = output_option("The map: .tif (probabilities), or .yaml (ROS map).", "MAP", python=True)
     png: str | None = option(
         "The map as a picture: free black, unknown grey, occupied white.", metavar="PATH.png", basic=True
     )

@@ -9,7 +9,13 @@ from uavseg.options.flights import Paths
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
 from uavseg.options.regions import DivisionOptions
-from uavseg.options.running import OverwriteOptions, ProgressOptions, RunOptions, VerbosityOptions
+from uavseg.options.running import (
+    OverwriteOptions,
+    ProgressOptions,
+    RunOptions,
+    VerbosityOptions,
+    output_option,
+)
 
 MISSIONS: dict[str, Any] = {"multiple": True, "parse": texts.or_none, "metavar": "PATH", "basic": True}
 
@@ -43,9 +49,7 @@ class PreviewOptions(Options):
         multiple=True,
         parse=texts.or_none,
     )
-    output: Any = option(
-        "The picture.  [default: STEM.preview.png]", "-o", "--output", metavar="PATH", basic=True
-    )
+    output: Any = output_option("The picture.  [default: STEM.preview.png]", "PATH", False, python=True)
     width: int = option("Width of the picture in pixels.", default=1400, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", stretch={"default": "auto", "basic": False})
     files: OverwriteOptions = group(
@@ -76,14 +80,7 @@ class MapOptions(Options):
         metavar="NAME|FILE.json",
         basic=True,
     )
-    output: Any = option(
-        "The page.  [default: STEM.map.html here]",
-        "-o",
-        "--output",
-        metavar="PATH.html",
-        python=False,
-        basic=True,
-    )
+    output: Any = output_option("The page.  [default: STEM.map.html here]", "PATH.html", required=False)
     size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)

@@ -66,12 +66,8 @@ class FootprintsOptions(PhotographOptions):
 class GeoreferenceOptions(PhotographOptions):
     """Map."""
 
-    output: str | os.PathLike[str] = option(
-        "The map: a GeoTIFF in the UTM zone of the place, with an alpha band.",
-        *("-o", "--output"),
-        required=True,
-        metavar="PATH.tif",
-        basic=True,
+    output: str | os.PathLike[str] = output_option(
+        "The map: a GeoTIFF in the UTM zone of the place, with an alpha band.", "PATH.tif", python=True
     )
     resolution: float | None = option(
         "Side of a pixel in centimetres.  [default: that of the photographs in their middle]",

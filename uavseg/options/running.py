@@ -9,9 +9,9 @@ from uavseg.options.option import Options, group, option
 from uavseg.options.reading import AccessOptions
 
 
-def output_option(help: str, metavar: str, required: bool = True) -> Any:
+def output_option(help: str, metavar: str, required: bool = True, python: bool = False) -> Any:
     """Declare the option for the file that a command writes."""
-    return option(help, "-o", "--output", required=required, metavar=metavar, python=False, basic=True)
+    return option(help, "-o", "--output", required=required, metavar=metavar, python=python, basic=True)
 
 
 class StorageOptions(Options):

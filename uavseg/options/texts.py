@@ -1,14 +1,13 @@
 """Texts of the command line as the values that Python takes."""
 
-from __future__ import annotations
-
 import math
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from uavseg.errors import ParameterError, RegionError
+from uavseg.errors import ParameterError, RasterReadError, RegionError
 
 Band = int | str
 
@@ -183,9 +182,6 @@ def names_from_standard_input(names: tuple[str, ...]) -> tuple[str, ...]:
     """Return names of rasters, with those that standard input holds in place of -."""
     if "-" not in names:
         return names
-    import sys
-
-    from uavseg.errors import RasterReadError
     from uavseg.raster.read.source_list import MAX_LIST, parse_list
 
     if sys.stdin is None:

@@ -13,7 +13,6 @@ from uavseg.execution.executors import decided, phase
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.ros.ros_map import is_ros_map
-from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import printable
 from uavseg.plot.layers import mission_layer
 from uavseg.plot.layers.raster_layers import AnyStretch, LabelsLayer, LeavesLayer, StatesLayer, draw_raster
@@ -97,8 +96,7 @@ def preview(
         layers = make_layers(frame, 2 * width_px, mission, **sources, path=path)
     with phase("picture"):
         figure = _figure(dataset, frame, grey, collar, layers, width_px / _WIDTH_IN)
-        with atomic_file(target, overwrite) as temporary:
-            page.save_figure(figure, temporary)
+        page.save_figure(figure, target, overwrite)
     return target
 
 
@@ -126,8 +124,7 @@ def draw_answers(
         _draw_map(figure.add_axes(box), view, (_ANSWER_IN, height), dataset, frame, stretch, "keep", [layer])
         found = " · ".join(layer.title_parts(dataset.in_metres))
         page.write_text(figure, left / width, name, found)
-    with atomic_file(target, overwrite) as temporary:
-        page.save_figure(figure, temporary)
+    page.save_figure(figure, target, overwrite)
 
 
 @dataclass(frozen=True)
@@ -155,8 +152,7 @@ class PlacePicture:
         ax.imshow(picture, interpolation="nearest", aspect="auto")
         for color, width in (("black", 4), ("white", 1.5)):
             ax.contour(inside, [0.5], colors=color, linewidths=width)
-        with atomic_file(self.out, overwrite=True) as temporary:
-            page.save_figure(figure, temporary)
+        page.save_figure(figure, self.out, overwrite=True)
 
 
 def _paths_of(raster: Any) -> Any:

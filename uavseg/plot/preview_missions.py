@@ -20,9 +20,8 @@ from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
 from uavseg.flight.mission.mission import Ground, Mission
 from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.mission.vehicle import default_vehicle
-from uavseg.flight.terrain.altitude_profile import check_known, profile_along
+from uavseg.flight.terrain.altitude_profile import known_heights_m, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page import page
 from uavseg.raster.elevation.dem import Dem
@@ -57,9 +56,7 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
         items = [item for item in mission.items if item.has_position and not item.is_at_vehicle]
         places = [(mission.home.lat, mission.home.lon), *((item.lat, item.lon) for item in items)]
         lat, lon = np.array(places).T
-        heights = dem.heights_m(lon, lat)
-        check_known(dem, lon, lat, heights)
-        above_zero = dict(zip(places, heights.tolist(), strict=True))
+        above_zero = dict(zip(places, known_heights_m(dem, lon, lat).tolist(), strict=True))
         known = replace(mission, ground=Ground(above_zero, np.nan, np.nan))
     path = flown_path(known, mission.vehicle or default_vehicle(mission.autopilot))
     along, height = np.r_[0.0, np.cumsum(path.length_m)], path.xyz_m[:, 2]
@@ -184,8 +181,7 @@ def preview_missions(
         profiles = [flight_profile(mission, ground) for _, mission in named]
     with phase("picture"):
         figure = _figure(named, profiles, width_px / _WIDTH_IN, None if ground is None else ground.name)
-        with atomic_file(target, overwrite) as temporary:
-            page.save_figure(figure, temporary)
+        page.save_figure(figure, target, overwrite)
     return target
 
 

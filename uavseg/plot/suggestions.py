@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from uavseg.arrays import Path_
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestions
-from uavseg.output.atomic import atomic_file
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
 from uavseg.plot.page import page
 from uavseg.raster.grid.geobox import scaled
@@ -41,8 +40,7 @@ def draw_suggestions(
     target = page.check_png_target(out, overwrite)
     keep_inputs([target], dataset.paths if dataset is not None else ())
     figure = _figure(suggestions, dataset)
-    with atomic_file(target, overwrite) as temporary:
-        page.save_figure(figure, temporary)
+    page.save_figure(figure, target, overwrite)
     return target
 
 

@@ -21,7 +21,7 @@ from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
 from uavseg.jobs.extract import ExtractRequest, extract
 from uavseg.jobs.flights.check import check, check_request, gap_regions, ground_below
-from uavseg.jobs.flights.plan import Home, PlanRequest, plan
+from uavseg.jobs.flights.plan import PlanRequest, plan
 from uavseg.jobs.flights.request import open_regions, plan_request
 from uavseg.jobs.match.match import match, with_answers
 from uavseg.jobs.match.request import MatchRequest
@@ -194,16 +194,11 @@ def plan_question(body: bytes) -> PlanQuestion:
     is_list = isinstance(ids, list) and len(ids) <= 100_000
     if not (is_list and all(type(one) is int and abs(one) < MAX_ID for one in ids)):
         raise ParameterError("ids are whole numbers")
-    home = _home(words.values.get("home", "auto"))
+    home = words.values.get("home", "auto")
+    if home != "auto":
+        home = _place(home, "home is [lat, lon] in degrees, or auto")
     request = plan_request(build(PlanOptions, given | {"home": home, "ids": words.values.get("ids")}))
     return PlanQuestion(words.integer("job"), request, _zones(words.values.get("zones", [])))
-
-
-def _home(value: Any) -> Home:
-    if value == "auto":
-        return "auto"
-    lat, lon = _place(value, "home is [lat, lon] in degrees, or auto")
-    return lat, lon
 
 
 def _zones(value: Any) -> list[Any]:

@@ -1,7 +1,5 @@
 """What a command prints: lines, warnings of libraries, progress, a final table; and how its job is run."""
 
-from __future__ import annotations
-
 import errno
 import logging
 import os
@@ -134,7 +132,7 @@ _REDRAW_S = 0.1
 class Reporter:
     """Progress, warnings and the final table of a command, on stderr."""
 
-    def __init__(self, messages: VerbosityOptions, progress: ProgressOptions | None = None) -> None:
+    def __init__(self, messages: "VerbosityOptions", progress: "ProgressOptions | None" = None) -> None:
         quiet, chosen = messages.quiet, "none" if progress is None else progress.progress
         self.quiet, self.verbose = quiet, messages.verbose
         self._plain = chosen == "plain"
@@ -151,7 +149,7 @@ class Reporter:
         """Since the command began, without the time in which kernels were compiled."""
         return _seconds() - self._start
 
-    def begin(self, windows: Sequence[Window]) -> None:
+    def begin(self, windows: "Sequence[Window]") -> None:
         """Begin to report work on the tiles of a source."""
         pixels = sum(window.rows * window.cols for window in windows)
         self.begin_each(len(windows), pixels, "tiles")
@@ -237,7 +235,7 @@ def showing_phases(quiet: bool) -> Iterator[None]:
         yield
 
 
-def work_of(run: RunOptions, reporter: Reporter) -> Work:
+def work_of(run: "RunOptions", reporter: Reporter) -> "Work":
     """Return how a job is run: by threads of this process, or by a cluster that is released with the command.
 
     A ParameterError says that the number of threads is below 1, a ClusterError that the scheduler does not
@@ -261,7 +259,7 @@ def work_of(run: RunOptions, reporter: Reporter) -> Work:
     )
 
 
-def _cluster(run: RunOptions) -> Map | None:
+def _cluster(run: "RunOptions") -> "Map | None":
     if run.scheduler is None:
         return None
     if run.threads is not None:

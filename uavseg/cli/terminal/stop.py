@@ -3,8 +3,6 @@
 Where a library keeps the main thread for longer than `DEAF_S`, another thread ends the program.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

@@ -28,9 +28,9 @@ from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.params.plan import PlanParams, SafetyParams
 from uavseg.flight.safety.keep_out import KeepOut
 from uavseg.flight.terrain.altitude_profile import (
-    check_known,
     climbs_early,
     heights_climbed_early,
+    known_heights_m,
     profile_along,
     rates_m_s,
 )
@@ -104,10 +104,7 @@ class Clearance:
                 yield from self._outside(float(above[k]), self.minimum_m, maximum_m, place)
 
     def _ground_m(self, lat: float, lon: float) -> float:
-        lons, lats = np.array([lon]), np.array([lat])
-        ground_m = self.dem.heights_m(lons, lats)
-        check_known(self.dem, lons, lats, ground_m)
-        return float(ground_m[0])
+        return float(known_heights_m(self.dem, np.array([lon]), np.array([lat]))[0])
 
     def _outside(self, above_m: float, minimum_m: float, maximum_m: float, place: str) -> Iterator[str]:
         if above_m < minimum_m - GROUND_SLACK_M:

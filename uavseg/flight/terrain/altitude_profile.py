@@ -48,8 +48,7 @@ def profile_along(dem: Dem, lon: Floats, lat: Floats, gap_m: float) -> GroundPro
     only where the ground is nearly vertical. A MissionError names a place on the path where the DEM has no
     height.
     """
-    first = dem.heights_m(lon[:1], lat[:1])
-    check_known(dem, lon[:1], lat[:1], first)
+    first = known_heights_m(dem, lon[:1], lat[:1])
     parts = [(lon[:1], lat[:1], np.zeros(1), first, first)]
     corners, total = [0], 0.0
     for k in range(len(lon) - 1):
@@ -71,8 +70,7 @@ def _leg(
     azimuth, _, length = geod.inv(*start, *end)
     if length < SHORT_M:
         lon, lat = np.array([end[0]]), np.array([end[1]])
-        height = dem.heights_m(lon, lat)
-        check_known(dem, lon, lat, height)
+        height = known_heights_m(dem, lon, lat)
         return lon, lat, np.array([length]), height, height
 
     def places(share: Floats) -> tuple[Floats, Floats]:
@@ -87,8 +85,7 @@ def _leg(
         share = np.empty(2 * len(ends) - 1)
         share[::2], share[1::2] = ends, (ends[1:] + ends[:-1]) / 2
         lon, lat = places(share)
-        height = dem.heights_m(lon, lat)
-        check_known(dem, lon, lat, height)
+        height = known_heights_m(dem, lon, lat)
         control = 2 * height[1::2] - (height[:-1:2] + height[2::2]) / 2
         apart = np.abs(control - height[1::2]) > gap_m
         if not apart.any():
@@ -122,11 +119,15 @@ def _crossings(dem: Dem, places: Places) -> Floats:
     return np.append(shares[:-1], 1.0)
 
 
-def check_known(dem: Dem, lon: Floats, lat: Floats, height_m: Floats) -> None:
-    """Raise MissionError with the first place of (n,) arrays whose height is NaN, and what the DEM covers."""
+def known_heights_m(dem: Dem, lon: Floats, lat: Floats) -> Floats:
+    """Return heights of the ground at places (n,), as `Dem.heights_m`.
+
+    A MissionError has the first place whose height is NaN, and what the DEM covers.
+    """
+    height_m = dem.heights_m(lon, lat)
     unknown = np.flatnonzero(np.isnan(height_m))
     if not len(unknown):
-        return
+        return height_m
     k = int(unknown[0])
     row, col = dem.pixels(lon[k : k + 1], lat[k : k + 1])
     rows, cols = dem.sampler.dataset.geobox.shape

@@ -321,10 +321,8 @@ def home_on_ground(home: tuple[float, ...], params: PlanParams) -> tuple[tuple[f
     terrain = params.terrain
     if terrain is None or terrain.dem is None:
         return home, []
-    lon, lat = np.array([home[1]]), np.array([home[0]])
-    height_m = terrain.dem.heights_m(lon, lat)
-    altitude_profile.check_known(terrain.dem, lon, lat, height_m)
-    ground_m = round(float(height_m[0]), 2)
+    [height_m] = altitude_profile.known_heights_m(terrain.dem, np.array([home[1]]), np.array([home[0]]))
+    ground_m = round(float(height_m), 2)
     if not terrain.dem.is_above_sea:
         return home, []
     if len(home) < 3:

@@ -1,7 +1,5 @@
 """Requests of missions from their options: how to fly, from where, over which regions, around which zones."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence
@@ -29,8 +27,9 @@ from uavseg.flight.params.plan import (
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
-from uavseg.regions.formats.read import Widths
+from uavseg.regions.formats.read import Widths, read_regions, regions_of_frame
 from uavseg.regions.table import Regions
+from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
@@ -270,7 +269,7 @@ def _names(given: Any) -> Any:
 
 
 def open_regions(
-    source: str | os.PathLike[str] | bytes | GeoDataFrame | Regions,
+    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions",
     layer: str | None = None,
     widths: Widths | None = None,
 ) -> Regions:
@@ -281,14 +280,12 @@ def open_regions(
     """
     if isinstance(source, Regions):
         return in_degrees(source)
-    from uavseg.regions.formats import read
-
     if isinstance(source, str | os.PathLike | bytes):
         with phase("reading of regions"):
-            return read.read_regions(source, layer, widths=widths)
+            return read_regions(source, layer, widths=widths)
     if not hasattr(source, "geometry") or not hasattr(source, "columns"):
         raise ParameterError(f"regions is a file of polygons or a GeoDataFrame, not {shown(source)}")
-    return read.regions_of_frame(source, widths=widths)
+    return regions_of_frame(source, widths=widths)
 
 
 def widths_of(flight: PlanParams) -> Widths:
@@ -302,13 +299,11 @@ def widths_of(flight: PlanParams) -> Widths:
 
 def in_degrees(regions: Regions) -> Regions:
     """Return regions in WGS 84 as GeoJSON has them; OutputError if they have no place on the Earth."""
-    from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
-
     polygons: Any = wgs84_geometries(regions)
     return replace(regions, polygons=polygons, wkt="EPSG:4326")
 
 
-def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple[list[Any], list[str]]:
+def zone_polygons(options: SafetyOptions, raster: "Source | None" = None) -> tuple[list[Any], list[str]]:
     """Return polygons in degrees of keep-out zones, with notes: of files, frames, or ranges of intensity.
 
     A range stands for its regions in the raster. A RegionError says that a file cannot be read, a
@@ -331,7 +326,7 @@ def zone_polygons(options: SafetyOptions, raster: Source | None = None) -> tuple
     return polygons, notes
 
 
-def _in_range(ends: Sequence[Any], raster: Source | None) -> Regions:
+def _in_range(ends: Sequence[Any], raster: "Source | None") -> Regions:
     from uavseg.jobs.extract import ExtractRequest, extract
     from uavseg.segmentation.params.segment import IntensityRange
 

@@ -81,7 +81,7 @@ def doctor() -> Diagnosis:
         "system": f"{platform.system()} {platform.release()} {platform.machine()}",
     }
     problems: list[str] = []
-    for check in (_libraries, _projections, _kernels, _threads, _environment, _neighbours):
+    for check in (_libraries, _projections, _kernels, _environment, _neighbours):
         found, wrong = check()
         facts |= found
         problems += wrong
@@ -193,17 +193,14 @@ def _kernels() -> Findings:
     return facts, problems
 
 
-def _threads() -> Findings:
-    cores = usable_cores()
-    return {"threads": f"{cores} of {os.cpu_count() or cores} processors"}, []
-
-
 def _environment() -> Findings:
-    """List the variables that change what is loaded, by name: their values are paths of the user."""
+    """List processors, and variables that change what is loaded, by name: their values are paths of users."""
+    cores = usable_cores()
     said = [name for name in _NAMED if os.environ.get(name)]
     choice = os.environ.get("UAVSEG_JIT")
     said += [f"UAVSEG_JIT={choice}"] if choice else []
-    return {"variables set": ", ".join(said) or "none"}, []
+    threads = f"{cores} of {os.cpu_count() or cores} processors"
+    return {"threads": threads, "variables set": ", ".join(said) or "none"}, []
 
 
 def _neighbours() -> Findings:

@@ -1,11 +1,9 @@
 """Job of where a robot looks next: views of a map, the best first."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +16,7 @@ from uavseg.jobs.maps.merge_maps import placed_map
 from uavseg.jobs.source.open_source import map_of
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.occupancy.explore.frontiers import expected_bits
+from uavseg.occupancy.explore.frontiers import States, expected_bits
 from uavseg.occupancy.explore.next_view import Cell, Tour, ViewPlanner, tour_from
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.any_angle import pull_string
@@ -32,9 +30,6 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import line_length
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
-
-if TYPE_CHECKING:
-    from uavseg.occupancy.explore.frontiers import States
 
 _STATES = {0: "has no value", UNKNOWN: "is unknown", OCCUPIED: "is occupied"}
 

@@ -99,13 +99,10 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
         "classes": request.classes,
         "refine": request.refine,
         "bands": request.bands or ("all" if raster.all_bands else None),
+        "min_confidence": request.min_confidence,
     }
-    metadata = (
-        how
-        | {"min_confidence": request.min_confidence}
-        | results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    )
-    return work.finished(results.with_metadata(result, raster, "match", metadata), *hints)
+    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    return work.finished(results.with_metadata(result, raster, "match", how), *hints)
 
 
 def learn_classes(

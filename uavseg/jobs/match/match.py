@@ -237,9 +237,8 @@ def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any
         metadata |= {"answer": request.answer, "answers": [ANSWERS[n] for n in made.answers]}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
-    return metadata | results.drawing_facts(
-        request.drawing, request.fill_holes, request.min_area, request.detail
-    )
+    metadata |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    return metadata
 
 
 def _fact(like: Disc | str) -> list[float] | str:

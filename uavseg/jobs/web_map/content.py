@@ -24,7 +24,6 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import DatasetOverview
-from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.leaves import STEPS as STEPS
 from uavseg.segmentation.blocks.leaves import leaf_codes
 from uavseg.segmentation.params.segment import SegmentParams
@@ -146,15 +145,11 @@ def field_map(source: Source, request: FieldMapRequest = FieldMapRequest(), work
         image = to_mercator(picture, coarse.geobox, ground, request.size)
     cells, notes = None, info.warnings
     rows, cols = raster.geobox.shape
-    if request.all_cells or -(-rows // CELL) * -(-cols // CELL) <= MAX_CELLS:
-        cells = _cells(saved.blocks, request.segment)
+    here = np.s_[: -(-rows // CELL), : -(-cols // CELL)]
+    if request.all_cells or here[0].stop * here[1].stop <= MAX_CELLS:
+        codes = np.ascontiguousarray(leaf_codes(saved.blocks, request.segment.division)[here])
+        cells = CellCodes(saved.blocks.shape, codes, np.ascontiguousarray(saved.blocks.counts[here]))
     else:
         size = f"{cols} x {rows} pixels are too many for the slider of a page"
         notes = (*notes, f"{size}, so it is left out; uavseg serve has one")
     return work.finished(FieldMap(image=image, ground=ground, cells=cells, info=info, warnings=notes))
-
-
-def _cells(blocks: BlockMap, segment: SegmentParams) -> CellCodes:
-    rows, cols = (-(-length // CELL) for length in blocks.shape)
-    codes = np.ascontiguousarray(leaf_codes(blocks, segment.division)[:rows, :cols])
-    return CellCodes(blocks.shape, codes, np.ascontiguousarray(blocks.counts[:rows, :cols]))

@@ -19,7 +19,7 @@ from typing import Any
 from uavseg.access import current_policy
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
-from uavseg.inputs import check_yaml_brackets, read_bytes, regular_file
+from uavseg.inputs import parse_yaml, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.untrusted import check_database
 
@@ -48,23 +48,19 @@ def bag_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def _files_of_folder(folder: Path) -> list[Path]:
-    import yaml
-
     path = folder / _METADATA
     if not path.exists():
         raise BagError(f"{folder} is not a bag of ROS 2: it has no {_METADATA}; name a .mcap or .db3 in it")
     content = read_bytes(path, BagError, MAX_METADATA)
+    aliases = f"{path} holds YAML aliases (*name), which the file of a bag does not need"
+    invalid = f"{path} is not the metadata of a bag"
+    described = parse_yaml(content, BagError, aliases, invalid)
     try:
-        check_yaml_brackets(content)
-        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
-            raise BagError(f"{path} holds YAML aliases (*name), which the file of a bag does not need")
-        metadata = yaml.safe_load(content)["rosbag2_bagfile_information"]
-    except (yaml.YAMLError, ValueError, RecursionError, TypeError, KeyError) as error:
-        if isinstance(error, BagError):
-            raise
-        raise BagError(f"{path} is not the metadata of a bag ({cause_of(error)})") from error
+        metadata = described["rosbag2_bagfile_information"]
+    except (TypeError, KeyError) as error:
+        raise BagError(f"{invalid} ({cause_of(error)})") from error
     if not isinstance(metadata, dict):
-        raise BagError(f"{path} is not the metadata of a bag")
+        raise BagError(invalid)
     names = metadata.get("relative_file_paths")
     if not isinstance(names, list) or not names or not all(isinstance(name, str) and name for name in names):
         raise BagError(f"{folder / _METADATA} names no files of a bag; ros2 bag reindex writes it anew")

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from uavseg.access import current_policy
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError, RasterReadError
-from uavseg.inputs import check_yaml_brackets, read_bytes, read_start
+from uavseg.inputs import parse_yaml, read_bytes, read_start
 from uavseg.output.atomic import atomic_file, check_target
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 from uavseg.raster.formats.png import read_grey, to_8_bits, write_png
 from uavseg.raster.grid.geobox import GeoBox, check_metres
 
@@ -142,22 +142,14 @@ def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
 
     name = os.fspath(path)
     content = read_bytes(path, limit=MAX_YAML_BYTES)
-    try:
-        check_yaml_brackets(content)
-        tokens = yaml.scan(content, Loader=yaml.SafeLoader)
-        if any(isinstance(token, yaml.AliasToken) for token in tokens):
-            raise MapError(f"{name} holds YAML aliases (*name), which the file of a ROS map does not need")
-        node = yaml.compose(content, Loader=yaml.SafeLoader)
-        pairs = node.value if node is not None and node.id == "mapping" else []
-        keys = [key.value for key, _ in pairs if key.id == "scalar"]
-        twice = next((key for key in keys if keys.count(key) > 1), None)
-        if twice is not None:  # readers differ in which one counts
-            raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
-        described = yaml.safe_load(content)
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        if isinstance(error, MapError):
-            raise
-        raise MapError(f"{name} is not valid YAML ({cause_of(error)})") from error
+    aliases = f"{name} holds YAML aliases (*name), which the file of a ROS map does not need"
+    described = parse_yaml(content, MapError, aliases, f"{name} is not valid YAML")
+    node = yaml.compose(content, Loader=yaml.SafeLoader)
+    pairs = node.value if node is not None and node.id == "mapping" else []
+    keys = [key.value for key, _ in pairs if key.id == "scalar"]
+    twice = next((key for key in keys if keys.count(key) > 1), None)
+    if twice is not None:  # readers differ in which one counts
+        raise MapError(f"{name} gives {shown(twice)} {keys.count(twice)} times; leave one of them")
     if not isinstance(described, dict):
         raise MapError(f"{name} is not the YAML of a ROS map: it needs {', '.join(_REQUIRED)}")
     missing = [key for key in _REQUIRED if key not in described]

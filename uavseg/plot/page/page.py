@@ -13,10 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon, Rectangle
 from numpy.typing import ArrayLike
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError, RasterError
-from uavseg.output.atomic import check_target
+from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plain_text import printable
 from uavseg.raster.geodesy.globe import WGS84, Transform, geod_of, is_geographic, transform_between
 from uavseg.raster.grid.geobox import GeoBox
@@ -138,9 +138,13 @@ def new_figure(width: float, height: float, dpi: float) -> Any:
     return figure
 
 
-def save_figure(figure: Any, path: Path) -> None:
-    """Write a page as PNG; equal pages give equal bytes."""
-    figure.savefig(path, metadata={"Software": "uavseg"})
+def save_figure(figure: Any, path: Path_, overwrite: bool = False) -> None:
+    """Write a page as PNG, whole or not at all; equal pages give equal bytes.
+
+    OutputError if the file may not be written, or exists and `overwrite` is false.
+    """
+    with atomic_file(path, overwrite) as temporary:
+        figure.savefig(temporary, metadata={"Software": "uavseg"})
 
 
 def fit_axes(ax: Any, view: View, width: float, height: float) -> float:

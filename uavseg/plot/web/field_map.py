@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ from uavseg.flight.camera.camera import Photos
 from uavseg.flight.formats.files import write_geojson
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.mission.estimate import estimate_text, footprints
+from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.flights.request import open_regions, photos_of
 from uavseg.jobs.result.result import SourceInfo, same_reading
 from uavseg.jobs.source.inputs import keep_inputs
@@ -38,9 +39,6 @@ from uavseg.plot.layers.mission_layer import path_numbers, read_missions
 from uavseg.plot.page.page import length_text
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, crs_name, decimals_for
 from uavseg.regions.formats.metadata import METADATA_KEY, about_file
-
-if TYPE_CHECKING:
-    from uavseg.flight.mission.mission import Mission
 
 Json = dict[str, Any]
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
@@ -158,7 +156,7 @@ def read_flights(missions: Any, camera: Any = None) -> list[dict[str, Any]]:
     return [_flight(printable(name), mission, photos) for name, mission in read_missions(missions)]
 
 
-def _flight(name: str, mission: "Mission", photos: Photos | None) -> dict[str, Any]:
+def _flight(name: str, mission: Mission, photos: Photos | None) -> dict[str, Any]:
     lat, lon, _ = mission.path
     estimate, shown = mission.estimate, footprints(mission, photos)
     flown = estimate_text(estimate.distance_m, estimate.duration_s)
@@ -215,7 +213,7 @@ def _packed(values: NDArray[Any]) -> str:
 def read_collection(regions: Any) -> dict[str, Any]:
     """Convert regions of a file or GeoDataFrame to GeoJSON features in WGS 84, with their metadata."""
     table = open_regions(regions)
-    columns = {name: _values(column) for name, column in table.columns.items()}
+    columns = {name: list(map(_value, np.asarray(column).tolist())) for name, column in table.columns.items()}
     oriented = shapely.orient_polygons(table.polygons)
     features = []
     for n, polygon in enumerate(shapely.transform(oriented, lambda xy: xy.round(_REGION_DECIMALS))):
@@ -254,12 +252,8 @@ def first_range(collection: dict[str, Any] | None, info: SourceInfo) -> tuple[in
     return low, max(high, low + 1)  # the ends of the slider are never the same
 
 
-def _values(column: NDArray[Any]) -> list[Any]:
-    """Convert values to those of JSON: floats with up to twelve significant digits, other types to text."""
-    return [_value(value) for value in np.asarray(column).tolist()]
-
-
 def _value(value: Any) -> Any:
+    """Convert a value to one of JSON: floats with up to twelve significant digits, other types to text."""
     if isinstance(value, float):
         return float(f"{value:.12g}") if math.isfinite(value) else None
     return value if value is None or isinstance(value, bool | int | str) else str(value)
