@@ -30,7 +30,7 @@ NEW_MARKERS = [
 
 
 def noisy(seed: int = 3) -> NDArray[np.int8]:
-    """Probabilities in per cent with noise, a wall, a pole, a ring and unknown cells; the lowest row first."""
+    """Noisy per cent, a wall, a pole, a ring and unknown cells; the lowest row first."""
     random = np.random.default_rng(seed)
     cells = np.clip(random.normal(22, 9, (120, 170)), 0, 45)
     cells[20:90, 60:66] = np.clip(random.normal(85, 8, (70, 6)), 55, 100)

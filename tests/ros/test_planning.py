@@ -117,7 +117,7 @@ def test_a_pose_in_another_frame_is_moved_as_scipy_moves_it(drawn: tuple[float, 
     rotation = looked_up.transform.rotation
     rotation.x, rotation.y, rotation.z, rotation.w = outer.as_quat().tolist()
     found = planning.pose_in_plane(given_pose, looked_up)
-    expected = outer.apply([drawn[4], drawn[5], 0]) + [drawn[6], drawn[7], 0]
+    expected = outer.apply([drawn[4], drawn[5], 0]) + np.array([drawn[6], drawn[7], 0])
     np.testing.assert_allclose([found.x, found.y], expected[:2], atol=1e-9)
     ahead = (outer * inner).apply([1, 0, 0])
     if np.hypot(*ahead[:2]) > 1e-6:
