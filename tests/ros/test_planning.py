@@ -19,7 +19,7 @@ from uavseg_ros.parameters import NodeParams
 from uavseg_ros.planning import PlanarPose
 
 from tests.ros.messages import goal, grid, new, pose, room, serialised, transform
-from tests.ros.test_maps import saved
+from tests.ros.test_maps import real_map, saved
 from uavseg.cli import main
 from uavseg.errors import PathError
 
@@ -62,6 +62,30 @@ def test_the_path_is_that_of_the_command(tmp_path: Path, smooth: bool) -> None:
     assert len(line) > 2
     message = message_of(params=NodeParams(path_spacing=0, smooth=smooth))
     np.testing.assert_allclose(places(message), line, atol=1e-8)
+
+
+def test_paths_over_a_real_map_are_those_of_the_command(shared_data: Path, tmp_path: Path) -> None:
+    path, out = shared_data / "maps" / "tb3_sandbox.yaml", tmp_path / "path.geojson"
+    message, params = real_map(path), NodeParams(path_spacing=0)
+    source = maps.read_map(message)
+    found = maps.classify_map(source, params)
+    free = maps.free_space_message(found, params, message, partial(new, "nav_msgs/OccupancyGrid"))
+    rows, cols = np.nonzero(free.data.reshape(message.info.height, -1) == 0)
+    corner, side, reached = message.info.origin.position, message.info.resolution, 0
+    for k in np.random.default_rng(5).choice(len(rows), (6, 2)):
+        x, y = corner.x + side * (cols[k] + 0.5), corner.y + side * (rows[k] + 0.5)
+        start, end = (PlanarPose(float(x[i]), float(y[i]), 0.0) for i in (0, 1))
+        ends = [f"--start={start.x!r},{start.y!r}", f"--goal={end.x!r},{end.y!r}"]
+        words = ["path", str(path), "--range", "0,0.45", *ends, "--clearance", "0.2", "--smooth"]
+        ran = CliRunner().invoke(main, [*words, "-o", str(out), "-q", "--overwrite"])
+        if ran.exit_code:
+            with pytest.raises(PathError):
+                planning.plan_path(source, start, end, params)
+        else:
+            line = json.loads(out.read_text())["features"][0]["geometry"]["coordinates"]
+            np.testing.assert_allclose(planning.plan_path(source, start, end, params).xy, line, atol=1e-6)
+            reached += 1
+    assert reached >= 2
 
 
 @pytest.mark.parametrize("spacing", [0.0, 0.05, 0.3])

@@ -77,7 +77,7 @@ def classify_map(source: uavseg.Dataset, params: NodeParams) -> Classification:
     Warnings are those of the result. Raises UavsegError where the command ends with an error.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # they are in the result
+        warnings.simplefilter("ignore", UserWarning)  # they are in the result
         return uavseg.classify(
             source,
             free_below=params.free_below,

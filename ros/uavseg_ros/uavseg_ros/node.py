@@ -176,10 +176,11 @@ class MapNode(LifecycleNode):
             self._answer_goal()
 
     def _answer_goal(self) -> None:
-        self._is_waiting = False
+        self._is_waiting = self._map is None
+        if self._is_waiting:
+            self._log("path", "no path yet: no map has come")
+            return
         try:
-            if self._map is None:
-                raise TransformMissingError("no map has come yet")
             start = planning.frame_in_plane(self._transform(self._params.base_frame))
             goal = self._goal_in_map()
             path = planning.plan_path(maps.read_map(self._map), start, goal, self._params)
@@ -218,7 +219,7 @@ class MapNode(LifecycleNode):
         self._has_path = path is not None
         header = Header()
         header.stamp = self.get_clock().now().to_msg()
-        header.frame_id = "" if self._map is None else self._map.header.frame_id
+        header.frame_id = self._map.header.frame_id
         spacing = self._params.path_spacing
         self._path.publish(planning.path_message(path, goal, header, spacing, Path, PoseStamped))
 

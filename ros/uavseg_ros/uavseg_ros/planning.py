@@ -102,7 +102,7 @@ def plan_path(source: uavseg.Dataset, start: PlanarPose, goal: PlanarPose, param
     """
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # they are in the result
+            warnings.simplefilter("ignore", UserWarning)  # they are in the result
             return uavseg.path(
                 source,
                 (params.passable.low, params.passable.high),
