@@ -37,7 +37,7 @@ def read_map(message: Any) -> uavseg.Dataset:
     """
     probabilities, geobox = read_grid_message(message)
     name = f"map in the frame {message.header.frame_id}"
-    return uavseg.Dataset.of_values(probabilities, geobox, name, local_metres=True)
+    return uavseg.Dataset.of_values(probabilities, geobox, name)
 
 
 def apply_update(message: Any, update: Any) -> None:
