@@ -112,6 +112,7 @@ def test_a_life(new_node: New) -> None:
     assert not sent(node, "states")
 
     assert node.on_activate(STATE) == SUCCESS
+    node.timers[0].call()
     assert np.array_equal(cells(sent(node, "states")[0]), room())
     assert np.array_equal(cells(sent(node, "free_space")[0]) == 0, room() == 0)
     assert len(sent(node, "objects")[0].markers) == 2 and not sent(node, "path")
@@ -131,11 +132,13 @@ def test_a_life(new_node: New) -> None:
     node.timers[0].call()
     assert len(publishers["states"].messages) == 1
     assert node.on_activate(STATE) == SUCCESS
+    node.timers[0].call()
     assert (cells(publishers["states"].messages[1])[:, 10:12] == 100).all()
 
     assert node.on_deactivate(STATE) == SUCCESS and node.on_cleanup(STATE) == SUCCESS
     assert not node.publishers and not node.subscriptions and not node.timers
     assert node.on_configure(STATE) == SUCCESS and node.on_activate(STATE) == SUCCESS
+    node.timers[0].call()
     assert not sent(node, "states")  # the map is forgotten
     assert node.on_shutdown(STATE) == SUCCESS and not node.subscriptions
     assert node.on_shutdown(STATE) == SUCCESS and node.on_error(STATE) == SUCCESS
@@ -204,6 +207,23 @@ def test_a_goal_in_another_frame_is_transformed(active: Any) -> None:
     last = sent(active, "path")[-1].poses[-1].pose
     assert np.hypot(last.position.x - 5.0, last.position.y - 1.5) < 0.05
     assert (last.orientation.z, last.orientation.w) == pytest.approx((0, 1), abs=1e-9)
+
+
+def test_a_goal_ahead_of_the_robot_stays_where_it_was_while_the_robot_moves(active: Any) -> None:
+    receive(active, "map", live_map())
+    receive(active, "goal_pose", goal(1.5, 0.0, frame="base_link"))
+    active._buffer.known["base_link"] = transform(1.0, 1.0, stamp=99.9)
+    receive(active, "map", live_map())
+    moved = grid(room())
+    moved.header.frame_id = "other_map"
+    first, second = (path.poses[-1].pose.position for path in sent(active, "path"))
+    assert (first.x, first.y) == (second.x, second.y)
+    assert np.hypot(first.x - 2.0, first.y - 0.5) < 0.05
+    active._buffer.known["base_link"].header.frame_id = "other_map"
+    receive(active, "map", moved)
+    third = sent(active, "path")[-1]
+    assert third.header.frame_id == "other_map"
+    assert np.hypot(third.poses[-1].pose.position.x - 2.5, third.poses[-1].pose.position.y - 1.0) < 0.05
 
 
 def test_what_tf_does_not_know_is_named_once_and_tried_again(active: Any) -> None:

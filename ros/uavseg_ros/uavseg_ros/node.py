@@ -53,6 +53,7 @@ class MapNode(LifecycleNode):
 
     def _forget_goal(self) -> None:
         self._goal: Any = None
+        self._goal_in_frame: tuple[str, PlanarPose] | None = None  # frame of the map, and pose in it
         self._is_waiting = False  # whether the goal lacks a map or a transform
         self._has_path: bool | None = None  # whether the last path published had poses; None: not yet
 
@@ -81,11 +82,9 @@ class MapNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Answer the map that came before, if one did."""
-        result = super().on_activate(state)
+        """Let the timer answer the map that came before, if one did."""
         self._active, self._is_stale = True, self._map is not None
-        self._on_timer()
-        return result
+        return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish an empty path where one was published, and forget the goal; the map is kept."""
@@ -196,9 +195,12 @@ class MapNode(LifecycleNode):
             self._publish_path(path, goal)
 
     def _goal_in_map(self) -> PlanarPose:
-        frame = self._goal.header.frame_id
-        transform = None if frame == self._map.header.frame_id else self._transform(frame)
-        return planning.pose_in_plane(self._goal.pose, transform)
+        """Move the goal into the frame of the map, once: one ahead of the robot stays where it was."""
+        frame, own = self._goal.header.frame_id, self._map.header.frame_id
+        if self._goal_in_frame is None or self._goal_in_frame[0] != own:
+            transform = None if frame == own else self._transform(frame)
+            self._goal_in_frame = own, planning.pose_in_plane(self._goal.pose, transform)
+        return self._goal_in_frame[1]
 
     def _transform(self, frame: str) -> Any:
         """Return the latest transform from a frame to that of the map."""

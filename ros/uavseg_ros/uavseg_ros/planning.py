@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import uavseg
-from uavseg.errors import PathError, SceneError
+from uavseg.errors import PathError, SceneError, UavsegError
 from uavseg.occupancy.mapping.sensor_messages import as_quaternion, heading_of, matrix_of_quaternion
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg_ros.parameters import NodeParams
@@ -24,7 +24,7 @@ _IN_PARAMETERS = (  # what uavseg advises, in the names of its commands
 )
 
 
-class TransformMissingError(Exception):
+class TransformMissingError(UavsegError, LookupError):
     """A transform that a path needs is not known, or too old."""
 
 
