@@ -129,11 +129,14 @@ def test_a_life(new_node: New) -> None:
     assert node.on_deactivate(STATE) == SUCCESS
     assert [len(one.poses) for one in publishers["path"].messages[1:]] == [0]  # nobody follows the old one
     receive(node, "map_updates", update(0, 10, np.full((64, 2), 100, np.int8)))
+    receive(node, "goal_pose", goal(5, 0.5))
+    assert warnings_of(node).count("a goal is left out, because the node is not active") == 2
     node.timers[0].call()
     assert len(publishers["states"].messages) == 1
     assert node.on_activate(STATE) == SUCCESS
     node.timers[0].call()
     assert (cells(publishers["states"].messages[1])[:, 10:12] == 100).all()
+    assert len(publishers["path"].messages) == 2  # the goal is forgotten
 
     assert node.on_deactivate(STATE) == SUCCESS and node.on_cleanup(STATE) == SUCCESS
     assert not node.publishers and not node.subscriptions and not node.timers
@@ -285,6 +288,7 @@ def test_a_wrong_map_is_refused_and_the_last_one_stays(active: Any) -> None:
     [
         ({"clearance": -1.0}, "a clearance in metres is finite and not negative, not -1"),
         ({"clearance": "wide"}, "clearance is a number, not 'wide'"),
+        ({"clearance": True}, "clearance is a number, not True"),
         ({"smooth": 1}, "smooth is true or false, not 1"),
         ({"min_object_cells": 2.5}, "min_object_cells is a whole number, not 2.5"),
         ({"min_object_cells": -1}, "min_object_cells is not negative, not -1"),
@@ -292,6 +296,7 @@ def test_a_wrong_map_is_refused_and_the_last_one_stays(active: Any) -> None:
         ({"free_below": 0.6}, "0 <= free below < occupied above <= 1, got 0.6 and 0.502"),
         ({"passable_below": 1.5}, "got"),
         ({"path_spacing": 1e-6}, "path_spacing is 0 or at least 0.001 m, not 1e-06"),
+        ({"path_spacing": float("inf")}, "path_spacing is 0 or at least 0.001 m, not inf"),
         ({"transform_tolerance": 0}, "transform_tolerance is a number of seconds above 0, not 0"),
         ({"update_period": float("nan")}, "update_period is a number of seconds above 0, not nan"),
     ],

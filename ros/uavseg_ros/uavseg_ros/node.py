@@ -83,7 +83,7 @@ class MapNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let the timer answer the map that came before, if one did."""
-        self._active, self._is_stale = True, self._map is not None
+        self._active = True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:

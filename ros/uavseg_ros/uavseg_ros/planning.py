@@ -149,7 +149,7 @@ def path_message(
 
 def _densified(xy: NDArray[np.float64], spacing_m: float) -> NDArray[np.float64]:
     """Return the corners (n, 2) of a line, with positions between them at most a spacing apart."""
-    if len(xy) < 2 or spacing_m == 0:
+    if spacing_m == 0:
         return xy
     legs = np.hypot(*np.diff(xy, axis=0).T)
     counts = np.maximum(np.ceil(legs / spacing_m), 1).astype(np.int64)
