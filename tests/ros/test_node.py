@@ -265,6 +265,8 @@ def test_a_wrong_goal_is_one_line_and_an_empty_path(active: Any, asked: Any, rea
     [warning] = warnings_of(active)
     assert warning.startswith(reason) and "\n" not in warning and "--" not in warning
     assert [len(one.poses) > 0 for one in sent(active, "path")] == [True, False]
+    receive(active, "goal_pose", asked)
+    assert warnings_of(active) == [warning, warning]  # said of each goal
     receive(active, "goal_pose", goal(5, 0.5))
     assert len(sent(active, "path")[-1].poses) > 2
 
@@ -281,6 +283,13 @@ def test_a_wrong_map_is_refused_and_the_last_one_stays(active: Any) -> None:
     assert refused.startswith("map refused: an OccupancyGrid message of 128 x 64 cells holds as many values")
     receive(active, "goal_pose", goal(5, 0.5))
     assert len(sent(active, "states")) == 1 and sent(active, "path")[0].poses
+    outside = update(63, 0, np.zeros((2, 2), np.int8))
+    for topic, message in [("map", live_map()), ("map", wrong), ("map_updates", outside)] * 2:
+        receive(active, topic, message)
+    receive(active, "map_updates", update(0, 0, np.zeros((2, 2), np.int8)))
+    receive(active, "map_updates", outside)
+    said = [text.split(":")[0] for text in warnings_of(active)[2:]]
+    assert said == ["map refused", "update refused", "map refused", "update refused"]
 
 
 @pytest.mark.parametrize(

@@ -127,7 +127,7 @@ class MapNode(LifecycleNode):
         except UavsegError as error:
             self._log("map", f"map refused: {error}")
             return
-        self._logged.pop("map", None)
+        self._log("map", "")
         self._map, self._is_stale = message, True
         if self._active:
             self._answer_map()
@@ -141,7 +141,7 @@ class MapNode(LifecycleNode):
         except UavsegError as error:
             self._log("update", f"update refused: {error}")
             return
-        self._logged.pop("update", None)
+        self._log("update", "")
         self._is_stale = True
 
     def _on_goal(self, goal: Any) -> None:
@@ -149,7 +149,7 @@ class MapNode(LifecycleNode):
             self.get_logger().warning("a goal is left out, because the node is not active")
             return
         self._forget_goal()
-        self._logged.pop("path", None)
+        self._log("path", "")
         self._goal = goal
         self._answer_goal()
 
@@ -226,7 +226,7 @@ class MapNode(LifecycleNode):
         self._path.publish(planning.path_message(path, goal, header, spacing, Path, PoseStamped))
 
     def _log(self, about: str, text: str) -> None:
-        """Warn of something, unless it was the last thing said about it; an empty text is not logged."""
+        """Warn of something, unless it was the last thing said about it; an empty text ends it."""
         if text and self._logged.get(about) != text:
             self.get_logger().warning(text)
         self._logged[about] = text
