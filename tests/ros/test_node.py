@@ -16,6 +16,7 @@ import yaml
 from tests.ros import stand_ins
 from tests.ros.messages import goal, grid, room, transform, update
 from tests.ros.stand_ins import TransitionCallbackReturn
+from uavseg.errors import MapError
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to" / "ros.md"
 CONFIG = Path(__file__).resolve().parents[2] / "ros" / "uavseg_ros" / "config" / "uavseg_ros.yaml"
@@ -158,6 +159,17 @@ def test_states_are_published_where_no_path_is_found(active: Any) -> None:
     assert [len(one.poses) for one in sent(active, "path")] == [0]
     receive(active, "map", live_map())
     assert len(sent(active, "states")) == 2 and len(sent(active, "path")[-1].poses) > 2
+
+
+def test_a_map_without_states_is_said_and_planned_over(active: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any) -> None:
+        raise MapError("the reason")
+
+    monkeypatch.setattr(sys.modules["uavseg_ros.maps"], "classify_map", refuse)
+    receive(active, "goal_pose", goal(5, 0.5))
+    receive(active, "map", live_map())
+    assert "no states: the reason" in warnings_of(active) and not sent(active, "states")
+    assert sent(active, "path")[0].poses
 
 
 def test_updates_are_answered_together_and_the_path_follows_them(active: Any) -> None:

@@ -156,7 +156,7 @@ class MapNode(LifecycleNode):
     def _on_timer(self) -> None:
         if self._active and self._is_stale:
             self._answer_map()
-        elif self._active and self._is_waiting:
+        elif self._is_waiting:  # only while active
             self._answer_goal()
 
     def _answer_map(self) -> None:
