@@ -129,14 +129,14 @@ def test_a_life(new_node: New) -> None:
     publishers = dict(node.publishers)
     assert node.on_deactivate(STATE) == SUCCESS
     assert [len(one.poses) for one in publishers["path"].messages[1:]] == [0]  # nobody follows the old one
-    receive(node, "map_updates", update(0, 10, np.full((64, 2), 100, np.int8)))
+    receive(node, "map_updates", update(0, 20, np.full((30, 2), 100, np.int8)))
     receive(node, "goal_pose", goal(5, 0.5))
     assert warnings_of(node).count("a goal is left out, because the node is not active") == 2
     node.timers[0].call()
     assert len(publishers["states"].messages) == 1
     assert node.on_activate(STATE) == SUCCESS
     node.timers[0].call()
-    assert (cells(publishers["states"].messages[1])[:, 10:12] == 100).all()
+    assert (cells(publishers["states"].messages[1])[:30, 20:22] == 100).all()
     assert len(publishers["path"].messages) == 2  # the goal is forgotten
 
     assert node.on_deactivate(STATE) == SUCCESS and node.on_cleanup(STATE) == SUCCESS
