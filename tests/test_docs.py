@@ -20,7 +20,7 @@ DOCS = ROOT / "docs"
 RUN = [DOCS / "tutorial.md", DOCS / "paper.md", DOCS / "changes.md", *sorted((DOCS / "how-to").glob("*.md"))]
 SHELL = re.compile(r"^```(?:sh|console)\n(.*?)^```", re.DOTALL | re.MULTILINE)
 INLINE = re.compile(r"`(uavseg \w+ [^`]*-[^`]*)`")
-NAMED = re.compile(r"`((?:benchmarks|docs|notebooks|qgis_uavseg|samples|tests|uavseg)/[a-z0-9_/.-]+)`")
+NAMED = re.compile(r"`((?:benchmarks|docs|notebooks|qgis_uavseg|ros|samples|tests|uavseg)/[a-z0-9_/.-]+)`")
 PICTURE = re.compile(r"!\[[^]]*\]\(([^)]+)\)")
 
 
