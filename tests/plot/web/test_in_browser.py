@@ -128,7 +128,7 @@ def test_a_mission_is_planned_over_what_is_downloaded(
 
 
 def test_a_popup_shows_attributes_as_text(seen: dict[str, Any]) -> None:
-    assert "area_m2" in seen["popup"]
+    assert re.search(r"^area\s+[\d.]+ m²$", seen["popup"], re.MULTILINE)
     assert EVIL in seen["popup"]
     assert seen["markup"] == 0
 
@@ -141,3 +141,23 @@ def test_a_telephone_shows_it_in_its_width_with_large_buttons(seen: dict[str, An
     assert seen["wider"] <= 0
     assert seen["small"] == []
     assert seen["closed"]
+
+
+def test_a_long_list_has_the_rows_that_are_near(tmp_path: Path) -> None:
+    boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(40) for x in range(0, 400, 5)]
+    places = [shapely.affinity.translate(one, 512345, 5478345) for one in boxes]
+    frame = geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
+    html = tmp_path / "map.html"
+    uavseg.map_page(SAMPLE, html, regions=frame)
+    program = Path(__file__).with_name("drive_list.js")
+    words = [str(NODE), str(program), str(html), str(CHROMIUM)]
+    found = subprocess.run(words, capture_output=True, text=True, timeout=120)
+    assert found.returncode == 0, found.stderr
+    seen = json.loads(found.stdout)
+    assert seen["errors"] == []
+    assert 0 < seen["started"] <= 150 and 0 < seen["ended"] <= 150
+    assert seen["height"] == pytest.approx(45 * len(places), rel=0.05)
+    assert seen["grown"] == pytest.approx(seen["height"], rel=0.05)
+    assert seen["last"].startswith(f"{len(places)}: ")
+    assert seen["kept"] is False and seen["summary"] == f"{len(places) - 1} of {len(places)} chosen"
+    assert seen["tabbed"] == "Choose region 131"

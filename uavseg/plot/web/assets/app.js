@@ -29,12 +29,14 @@
   };
   addPosition(page);
   missionPanes(map);
-  if (data.regions) new RegionList(page, "Regions", COLORS.file, "chosen.geojson").show(data.regions);
+  let ranged = null; // the slider is above lists, which may be long
   if (data.cells && typeof DecompressionStream === "undefined") {
     panel.append(make("p", {className: "warning", textContent: "This browser is too old for the range slider."}));
   } else if (data.cells) {
-    await addSlider(page, new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions));
+    ranged = new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions);
   }
+  if (data.regions) new RegionList(page, "Regions", COLORS.file, "chosen.geojson").show(data.regions);
+  if (ranged) await addSlider(page, ranged);
   if (data.server?.areas) addTiledSlider(page);
   if (data.server) addServed(page);
   for (const mission of data.missions) addMission(page, mission);

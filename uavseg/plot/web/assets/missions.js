@@ -1,6 +1,8 @@
 // Missions: legs with arrows and numbers, photographs and their footprints, fence, estimates.
 "use strict";
 
+const MOST_MARKS = 60;
+
 /** Panes: footprints lie above the raster, legs above regions, which are clicked through both. */
 function missionPanes(map) {
   for (const [name, zIndex] of [["footprints", 430], ["missions", 450]]) {
@@ -28,12 +30,12 @@ function addMission(page, mission) {
   L.polyline(path, {...above, color: "#ffffff", weight: 5}).addTo(group);
   L.polyline(path, {...above, color: COLORS.flight, weight: 3}).addTo(group);
   const marks = L.layerGroup().addTo(group);
-  map.on("zoomend", draw);
+  map.on("moveend", draw);
   draw();
   return remove;
 
   function remove() {
-    map.off("zoomend", draw);
+    map.off("moveend", draw);
     section.querySelectorAll("input.footprints:checked").forEach((box) => box.click());
     layers.removeLayer(group);
     group.remove();
@@ -49,13 +51,19 @@ function addMission(page, mission) {
     return L.marker(at, {icon, keyboard: false});
   }
 
-  /** Numbers and arrows, as many as have room. */
+  /** Numbers and arrows in view, as many as have room; of very many, those that are further apart. */
   function draw() {
+    for (let room = 24; !drawn(room) && room < 1000; room *= 1.4);
+  }
+
+  /** Draw marks that lie so many pixels apart; false if they are too many to be read. */
+  function drawn(room) {
     marks.clearLayers();
-    const taken = [];
+    const taken = [], view = map.getBounds().pad(0.2);
     const place = (at, marker) => {
+      if (!view.contains(at)) return;
       const point = map.latLngToLayerPoint(at);
-      if (taken.some((other) => other.distanceTo(point) < 24)) return;
+      if (taken.some((other) => other.distanceTo(point) < room)) return;
       taken.push(point);
       marks.addLayer(marker());
     };
@@ -74,6 +82,7 @@ function addMission(page, mission) {
         return L.marker(at, {icon, interactive: false, keyboard: false});
       });
     }
+    return taken.length <= MOST_MARKS;
   }
 }
 

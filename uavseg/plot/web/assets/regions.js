@@ -1,14 +1,16 @@
 // Regions: a layer, a list with tick boxes, a download.
 "use strict";
 
-const LISTED = 100;
+const PART = 50; // rows that are made together, when the list is scrolled near them
+const ROW_PX = 45;
 
 class RegionList {
   /** `page` has the map, its layer switch and the panel. */
   constructor(page, title, color, fileName, shown = true) {
     Object.assign(this, {page, color});
     this.summary = make("p");
-    this.items = make("ul", {className: "list"});
+    this.items = make("div", {className: "list"});
+    this.parts = new IntersectionObserver((seen) => seen.forEach((one) => this.fill(one)), {root: this.items, rootMargin: "300px"});
     const all = make("button", {type: "button", textContent: "All"});
     const none = make("button", {type: "button", textContent: "None"});
     const save = make("button", {type: "button", textContent: "Download chosen"});
@@ -44,8 +46,10 @@ class RegionList {
 
   popup(feature) {
     const table = make("table");
-    for (const [name, value] of Object.entries(feature.properties)) {
-      table.append(make("tr", {}, make("th", {textContent: name}), make("td", {textContent: textOf(value)})));
+    for (const [key, value] of Object.entries(feature.properties)) {
+      const [name, unit] = measureOf(key);
+      const text = unit && typeof value === "number" ? `${Number(value.toPrecision(unit === "\u00b0" ? 9 : 6))}${unit}` : textOf(value);
+      table.append(make("tr", {}, make("th", {textContent: name}), make("td", {textContent: text})));
     }
     const box = this.tickBox(feature);
     return make("div", {className: "popup"}, table, make("label", {}, box, "\u00a0chosen"));
@@ -93,27 +97,46 @@ class RegionList {
     this.layer.clearLayers();
   }
 
+  /** Show the list from its top: parts of it are empty, and as high as their rows, until they are near. */
   list() {
+    const {features} = this.collection;
     this.boxes = new Map();
-    const listed = this.collection.features.slice(0, LISTED);
-    this.items.replaceChildren(...listed.map((feature) => {
-      const box = this.tickBox(feature);
-      this.boxes.set(feature, box);
-      const go = make("button", {type: "button", textContent: `${nameOf(feature)}: ${areaOf(feature)}`});
-      go.onclick = () => {
-        this.layer.addTo(this.page.map);
-        this.page.map.fitBounds(this.shapes.get(feature).getBounds(), {maxZoom: 20, padding: [40, 40]});
-        this.shapes.get(feature).openPopup();
-      };
-      return make("li", {}, make("label", {}, box), go);
-    }));
+    this.parts.disconnect();
+    this.rows = new Map();
+    for (let first = 0; first < features.length; first += PART) {
+      const rows = features.slice(first, first + PART), part = make("ul");
+      part.style.minHeight = `${rows.length * ROW_PX}px`;
+      this.rows.set(part, rows);
+    }
+    this.items.replaceChildren(...this.rows.keys());
+    for (const part of this.rows.keys()) this.parts.observe(part);
     this.describe();
   }
 
+  /** Make the rows of a part that comes near, and remove those of one that is far and not in use. */
+  fill({target, isIntersecting}) {
+    const rows = this.rows.get(target) ?? [];
+    if (isIntersecting && !target.children.length) target.append(...rows.map((feature) => this.row(feature)));
+    if (isIntersecting || !target.children.length || target.contains(document.activeElement)) return;
+    target.style.minHeight = `${target.offsetHeight}px`;
+    target.replaceChildren();
+    for (const feature of rows) this.boxes.delete(feature);
+  }
+
+  row(feature) {
+    const box = this.tickBox(feature);
+    this.boxes.set(feature, box);
+    const go = make("button", {type: "button", textContent: `${nameOf(feature)}: ${areaOf(feature)}`});
+    go.onclick = () => {
+      this.layer.addTo(this.page.map);
+      this.page.map.fitBounds(this.shapes.get(feature).getBounds(), {maxZoom: 20, padding: [40, 40]});
+      this.shapes.get(feature).openPopup();
+    };
+    return make("li", {}, make("label", {}, box), go);
+  }
+
   describe() {
-    const {features} = this.collection, more = features.length - LISTED;
-    const listed = more > 0 ? `; the first ${LISTED} are listed, choose others on the map` : "";
-    this.summary.textContent = `${this.ticked.size} of ${features.length} chosen${listed}`;
+    this.summary.textContent = `${this.ticked.size} of ${this.collection.features.length} chosen`;
   }
 
   choose(all) {
@@ -131,6 +154,14 @@ function textOf(value) {
   if (value === null) return "";
   if (typeof value === "number") return String(Number(value.toPrecision(9)));
   return typeof value === "object" ? JSON.stringify(value) : String(value);
+}
+
+/** The name of a measure and its unit, of the name of a column such as area_m2. */
+function measureOf(key) {
+  const units = {_m2: " m\u00b2", _m: " m", _s: " s", _deg: "\u00b0"};
+  const end = Object.keys(units).find((one) => key.endsWith(one));
+  if (end) return [key.slice(0, -end.length), units[end]];
+  return ["lon", "lat"].includes(key) ? [key, "\u00b0"] : [key, ""];
 }
 
 function nameOf(feature) {
