@@ -41,8 +41,8 @@ preview {samples}/quarry.tif --regions quarry.regions.geojson -o quarry.png
 """
 # Files, geometry, drawing, servers and clusters; what is left out is our own arithmetic, and what these call.
 LIBRARIES = """
-api cli execution flight/formats flight/safety/test_keep_out.py occupancy/bags occupancy/ros output plot raster
-regions server test_both_faces.py test_same_bytes.py test_warning_filters.py
+api cli execution flight/formats flight/safety/test_keep_out.py occupancy/bags occupancy/ros output plot
+raster regions server test_both_faces.py test_same_bytes.py test_warning_filters.py
 """
 ARITHMETIC = """
 raster/collar raster/intensity raster/spectral regions/outline regions/smooth regions/tiles
