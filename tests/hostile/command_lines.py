@@ -19,6 +19,7 @@ LINES = tuple(
         f"extract x.tif --range 0.5,1 -o out.geojson --flatten 40px {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --thin-lines --flatten 40px {RUN}",
         f"divide x.tif -o out.tif --flatten 60 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --crs EPSG:3857 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --bounds 500020,4499900,500090,4499980 --aoi hand.geojson {RUN}",
         f"divide x.tif -o out.tif --aoi hand.geojson --bounds 500010,4499900,500090,4499990 {RUN}",
         "preview rgb.tif -o out.png --width 300 --bounds 500020,4499900,500090,4499980",

@@ -103,6 +103,7 @@ def _write_partitions(options: ExtractOptions, job: "RegionJob", reporter: Repor
 
     outputs, target = options.outputs, options.outputs.output or ""
     refused = {"--labels": outputs.labels, "--style": outputs.style, "--mission": options.mission}
+    refused |= {"--crs": outputs.crs}
     for name in [name for name, given in refused.items() if given is not None]:
         raise click.UsageError(f"{name} does not go with a folder of regions; leave it out, or write a file")
     write.geojson_form(outputs, target)

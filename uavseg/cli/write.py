@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -207,6 +207,7 @@ class RegionFiles:
         self.overwrite = options.files.overwrite
         self.form = geojson_form(outputs, self.target)
         self.labels, self.creation = outputs.labels, creation_of(options.creation, {outputs.labels: "uint32"})
+        self.crs = named_crs(outputs, self.target)
         check_targets(self.target, outputs.labels, self.overwrite)
         self.style = _checked_style(outputs.style, self.target, self.overwrite)
         inputs = (options.source.rasters, options.read.aoi, *inputs)
@@ -222,10 +223,12 @@ class RegionFiles:
         """Return what a reader of the files cannot know."""
         from uavseg.regions.formats import export
 
+        wkt = wkt if self.crs is None else self.crs.to_wkt("WKT2_2019")
         return [*_stream_warnings(self.form, wkt), *export.format_notes(found.regions, self.target)]
 
     def write(self, found: Extraction, work: Work) -> None:
         """Write all of them; what goes to stdout comes after all that can fail."""
+        found = _in_crs(found, self.crs)
         if self.target != "-":
             write_region_output(found, self.target, self.overwrite)
         if self.style is not None:
@@ -256,6 +259,8 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
 
     executors.threads(options.run.threads)  # an error before rasters are looked for
     target = options.outputs.output or f"{{stem}}{ending}"
+    crs, find = named_crs(options.outputs, target), job.find
+    job = replace(job, find=lambda source, work: _in_crs(find(source, work), crs))
     labels = options.outputs.labels
     names = OutputNames(
         regions=target,
@@ -300,6 +305,32 @@ def _check_each(options: RegionOptions) -> None:
         raise click.UsageError("--each writes files; name them, such as -o 'out/{stem}.gpkg'")
     if outputs.sequence or outputs.rs or outputs.geographic is not None:
         raise click.UsageError("--sequence, --rs and --projected are for -o -, and --each writes files")
+
+
+def named_crs(outputs: RegionOutputs, target: str) -> Any:
+    """Return the pyproj CRS in which regions are to be written; None: that of the raster.
+
+    UsageError is raised for formats that are in longitude and latitude.
+    """
+    if outputs.crs is None:
+        return None
+    from uavseg.raster.geodesy.globe import crs_named
+
+    keeps_crs = Path(target).suffix.lower() in (".gpkg", ".fgb", ".parquet", ".shp")
+    if not keeps_crs and outputs.geographic is not False:
+        raise click.UsageError(
+            "GeoJSON and KML are in longitude and latitude; give --crs with .gpkg, .fgb, .parquet, .shp or "
+            "--projected"
+        )
+    return crs_named(outputs.crs)
+
+
+def _in_crs(found: Extraction, crs: Any) -> Extraction:
+    if crs is None:
+        return found
+    from uavseg.regions.table import in_crs
+
+    return replace(found, regions=in_crs(found.regions, crs))
 
 
 def geojson_form(outputs: RegionOutputs, target: str) -> GeoJsonForm:

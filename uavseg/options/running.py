@@ -42,6 +42,12 @@ class RegionOutputs(Options):
         metavar="PATH",
         python=False,
     )
+    crs: str | None = option(
+        "The CRS of the regions in .gpkg, .fgb, .parquet, .shp and with --projected, such as EPSG:2056.  "
+        "[default: that of the raster]",
+        metavar="CRS",
+        python=False,
+    )
     style: str | None = option(
         "Also write a style for GIS programs beside the regions: STEM.qml for QGIS, or STEM.sld. "
         "A .gpkg carries its style in any case.",

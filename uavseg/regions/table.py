@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
-from uavseg.raster.geodesy.globe import wrap_lon_beyond_180
+from uavseg.raster.geodesy.globe import transform_between, wrap_lon_beyond_180
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ring_areas, ring_perimeters
 from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
@@ -74,6 +74,27 @@ class Regions:
         frame = RegionFrame({**self.columns, "geometry": geometry}, geometry="geometry")
         frame.attrs["uavseg"] = dict(self.metadata)
         return frame
+
+
+def in_crs(regions: Regions, crs: Any) -> Regions:
+    """Return regions with their corners in another CRS (pyproj); measures stay those on the ground.
+
+    RasterError if they have no CRS, there is no transformation, or a corner is beyond the domain of the other
+    CRS or on the other side of the antimeridian.
+    """
+    if regions.wkt is None:
+        raise RasterError(
+            "the raster has no CRS, from which its regions could be transformed; leave --crs out"
+        )
+    transform = transform_between(regions.wkt, crs)
+    corners = np.array(list(regions.polygons), object)
+    polygons = np.asarray(shapely.transform(corners, transform, interleaved=False))
+    bounds = shapely.bounds(polygons)
+    if not np.isfinite(bounds).all() or (crs.is_geographic and (bounds[:, 2] - bounds[:, 0] > 180).any()):
+        raise RasterError(
+            f"regions have no coordinates in {crs.name}, or cross its edge; choose another --crs"
+        )
+    return replace(regions, polygons=polygons, wkt=crs.to_wkt("WKT2_2019"))
 
 
 def plain_columns(*tables: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -20,8 +20,8 @@ from rasterio.warp import transform as gdal_transform
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import RasterError
-from uavseg.plain_text import cause_of
+from uavseg.errors import ParameterError, RasterError
+from uavseg.plain_text import cause_of, shown
 
 Transform = Callable[[Any, Any], tuple[Floats, Floats]]
 """From x and y to x and y of another CRS, arrays of one shape; infinite where there is no such place."""
@@ -91,6 +91,19 @@ def parse_crs(wkt: str) -> Any:
     import pyproj
 
     return pyproj.CRS.from_wkt(wkt)
+
+
+def crs_named(text: str) -> Any:
+    """Return the horizontal pyproj CRS of a name, such as EPSG:2056; ParameterError if there is none."""
+    import pyproj
+
+    try:
+        crs = pyproj.CRS.from_user_input(text)
+    except pyproj.exceptions.ProjError as error:
+        raise ParameterError(f"--crs is a CRS such as EPSG:2056, not {shown(text)}") from error
+    if not (crs.is_geographic or crs.is_projected):
+        raise ParameterError(f"--crs {shown(text)} is neither geographic nor projected")
+    return crs
 
 
 @lru_cache(maxsize=32)
