@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from uavseg.api.maps import build_map as build_map
     from uavseg.api.maps import classify as classify
     from uavseg.api.maps import compare as compare
+    from uavseg.api.maps import mask as mask
     from uavseg.api.maps import merge_maps as merge_maps
     from uavseg.api.maps import path as path
     from uavseg.api.missions import check as check
@@ -53,7 +54,7 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "api.rasters": "extract divide levels",
-    "api.maps": "build_map compare merge_maps classify path",
+    "api.maps": "build_map compare mask merge_maps classify path",
     "api.exploration": "next_views explore",
     "api.each": "each extract_to",
     "api.widget": "RangeWidget",

@@ -192,6 +192,7 @@ BASES: dict[str, Callable[[], dict[str, Any]]] = {
     "build_map": lambda: {"bag": "none.bag"},
     "compare": lambda: {"before": _field(), "after": _field(), "range": (0.4, 1), "threads": 1},
     "merge_maps": lambda: {"maps": ["x.tif"], "crop": True},
+    "mask": lambda: {"regions": "hand.geojson", "map": _map(), "speed": 40},
     "Pose.from_quaternion": lambda: {"x": 0.0, "y": 0.0, "quaternion": (0, 0, 0, 1)},
     "Scan.from_laserscan": lambda: {"message": _laserscan(), "pose": _scan().pose},
     "Scan.from_point_cloud": lambda: {

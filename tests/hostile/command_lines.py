@@ -118,6 +118,8 @@ LINES = tuple(
         f"compare rgb.tif x.tif --classes c.csv -o out.geojson --band 1 {RUN}",
         "compare m.yaml m.yaml -o out.gpkg --threads 1",
         "merge-maps m.yaml m.yaml -o out.yaml --crop --unrotate --resolution 0.2 --mode scale --allow-path .",
+        "mask hand.geojson --map x.tif -o out.yaml --speed 40 --overwrite",
+        "mask r.gpkg --map m.tif -o out.yaml --layer regions",
         "preview x.tif -o out.png --width 300 --regions r.geojson --mission a.plan --stretch dtype",
         "map x.tif -o out.html --size 100 --mission a.waypoints --camera Altum --band 1 --stretch dtype",
         "map x.tif -o out.html --size 64 --regions r.geojson --mission a.plan --threshold 1.3",

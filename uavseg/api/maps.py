@@ -16,6 +16,8 @@ from uavseg.jobs.maps.classify import Classification, classify_request
 from uavseg.jobs.maps.classify import classify as run_classify
 from uavseg.jobs.maps.compare import Comparison, compare_job, open_both
 from uavseg.jobs.maps.compare import compare as run_compare
+from uavseg.jobs.maps.mask import FilterMask
+from uavseg.jobs.maps.mask import mask as run_mask
 from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest
 from uavseg.jobs.maps.merge_maps import merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path
@@ -390,5 +392,47 @@ def merge_maps(
     with allowing(allow_path, allow_network):
         several = maps if isinstance(maps, list | tuple) else [maps]
         result = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
+    warn(result.warnings)
+    return result
+
+
+@checked
+def mask(
+    regions: Any,
+    map: Any,
+    *,
+    speed: int | None = None,
+    layer: str | None = None,
+    allow_path: Folders = (),
+    allow_network: bool = False,
+) -> FilterMask:
+    """Make a mask of regions for a costmap filter of Nav2: a robot keeps out of them, or is slower in them.
+
+    Parameters
+    ----------
+    regions : path or GeoDataFrame
+        Polygons in the coordinates of the map.
+    map : path or OccupancyGrid
+        The map whose cells the mask has. Every cell that a region touches is in it.
+    speed : int, optional
+        At most so many per cent of the robot's largest speed, 1 to 99; by default it keeps out.
+    layer : str, optional
+        The layer of a file of regions that has several.
+    allow_path, allow_network
+        As of `extract`.
+
+    Returns
+    -------
+    mask : FilterMask
+        `mask.values` and `mask.geobox`; `mask.write("keepout.yaml")` writes it, with a .pgm and the
+        parameters of Nav2 in a .params.yaml.
+
+    Raises
+    ------
+    UavsegError
+        If the regions or the map cannot be read, they do not touch it, or the speed is no per cent.
+    """
+    with allowing(allow_path, allow_network):
+        result = run_mask(regions, map, speed, layer)
     warn(result.warnings)
     return result

@@ -42,6 +42,7 @@ _COMMANDS = {
     "info": "Tell what a raster is and what its intensity looks like, or how regions were made.",
     "build-map": "Merge the scans of a recorded bag into a map.",
     "merge-maps": "Merge, crop and turn maps of robots.",
+    "mask": "Make a mask for Nav2 of regions to keep out of, or to be slow in.",
     "simulate": "Simulate a laser range finder and write the map that it makes.",
     "preview": "Draw a raster and what was found in it as a picture.",
     "map": "Make a web page of a raster, regions and missions for the field.",
@@ -52,7 +53,7 @@ _COMMANDS = {
 
 # Modules of commands that share one, in which they are functions of their own name.
 _BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
-_BESIDE |= dict.fromkeys(("merge-maps", "simulate"), "build_map")
+_BESIDE |= dict.fromkeys(("mask", "merge-maps", "simulate"), "build_map")
 _BESIDE |= dict.fromkeys(("cameras", "warm-up"), "doctor")
 _BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
 _BESIDE |= {"resume": "plan", "serve": "map"}

@@ -1,4 +1,4 @@
-"""`uavseg build-map`, `merge-maps` and `simulate`: a bag, several maps or a scene become a map."""
+"""`uavseg build-map`, `merge-maps`, `mask` and `simulate`: a bag, maps, regions or a scene become a map."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
 from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
-from uavseg.options.maps import BuildMapOptions, MergeMapsOptions, SimulateOptions
+from uavseg.options.maps import BuildMapOptions, MaskOptions, MergeMapsOptions, SimulateOptions
 
 
 @job_command("build-map", BuildMapOptions)
@@ -75,6 +75,31 @@ def merge_maps(options: MergeMapsOptions) -> None:
         maps=f"{len(options.maps):,}",
         map=f"{rows:,} x {cols:,} cells of {side:g} m from {x:g}, {y:g}, yaw {yaw:g}",
         cells=shares_of(found.probabilities),
+        written=", ".join(files),
+    )
+
+
+@job_command("mask", MaskOptions)
+def mask(options: MaskOptions) -> None:
+    """Make a mask of REGIONS for a costmap filter of Nav2: a robot keeps out of them, or is slower in them.
+
+    REGIONS are polygons in the coordinates of the map, such as uavseg describe or a GIS writes. Every cell
+    that a region touches is in the mask. PATH.yaml and PATH.pgm are for Nav2's map server, PATH.params.yaml
+    has the parameters of the servers and of the filter.
+    """
+    from uavseg.jobs.maps import mask as job
+
+    reporter = Reporter(options.messages)
+    found = job.mask(options.regions, options.map, options.speed, options.layer)
+    files = job.check_mask_path(options.output, found.geobox, options.files.overwrite)
+    keep_inputs(files, options.regions, options.map)
+    reporter.finish(found.warnings)
+    with transaction():
+        found.write(options.output, options.files.overwrite)
+    what = "kept out of" if found.speed is None else f"at {found.speed} % of the largest speed"
+    reporter.table(
+        regions=f"{found.regions:,}, {what}",
+        cells=f"{(found.values > 0).sum():,} of {found.values.size:,}",
         written=", ".join(files),
     )
 

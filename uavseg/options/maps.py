@@ -299,6 +299,23 @@ class MergeMapsOptions(Options):
     access: AccessOptions = group(AccessOptions)
 
 
+class MaskOptions(Options):
+    """Mask."""
+
+    regions: str = argument("REGIONS", required=True)
+    map: str = option("The map whose cells the mask has.", required=True, metavar="MAP", basic=True)
+    output: str = output_option("The mask, with a .pgm and a .params.yaml beside it.", "PATH.yaml")
+    speed: int | None = option(
+        "A mask of speed: in the regions at most so much of the robot's largest speed.  [default: keep out]",
+        metavar="PER_CENT",
+        basic=True,
+    )
+    layer: str | None = option("The layer of REGIONS, if the file has several.", metavar="NAME")
+    files: running.OverwriteOptions = group(running.OverwriteOptions)
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
 class SimulateOptions(Options):
     """Sensor."""
 

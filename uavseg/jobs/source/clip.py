@@ -12,7 +12,7 @@ from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import PixelMask, Window, tiles
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.formats.read import read_regions
+from uavseg.regions.formats.read import read_local_regions, read_regions
 from uavseg.regions.sample.place import extent, to_pixels
 from uavseg.warning_filters import changing_filters
 
@@ -32,26 +32,29 @@ def clipped(dataset: Dataset, options: ReadOptions) -> Dataset:
         box = to_pixels(np.array([shapely.box(*options.bounds)], object), geobox)
         window = _within(window, box, "--bounds", geobox)
         area = None if geobox.transform.b == 0 == geobox.transform.d else box
+    warnings = dataset.warnings
     if options.aoi is not None:
-        polygons = _polygons(str(options.aoi), geobox)
+        polygons, notes = _polygons(str(options.aoi), geobox)
+        warnings = (*warnings, *notes)
         window = _within(window, polygons, f"the area of interest {options.aoi}", geobox)
         area = polygons if area is None else shapely.intersection(polygons, area)
     decided("%d x %d pixels from row %d and column %d", window.rows, window.cols, window.row, window.col)
     outside = None if area is None else _outside(area, window)
     if outside is not None and outside.covers(Window(0, 0, window.rows, window.cols)):
         raise ParameterError("no pixel has its centre within --bounds and --aoi; give a larger area")
-    return replace(dataset, mosaic=dataset.mosaic.cut(window), outside=outside)
+    return replace(dataset, mosaic=dataset.mosaic.cut(window), outside=outside, warnings=warnings)
 
 
-def _polygons(name: str, geobox: GeoBox) -> NDArray[np.object_]:
-    """Read polygons, in the pixels of a raster."""
-    regions = read_regions(name, local=geobox.crs is None)
+def _polygons(name: str, geobox: GeoBox) -> tuple[NDArray[np.object_], list[str]]:
+    """Read polygons, in the pixels of a raster, with notes."""
+    regions = read_local_regions(name) if geobox.crs is None else read_regions(name)
     if geobox.crs is None and regions.wkt is not None:
         raise ParameterError(
             f"{name} has a CRS and the raster has none, so where it lies is unknown; give an area without "
             "one, in the raster's coordinates"
         )
-    return to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
+    polygons = to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
+    return polygons, list(regions.metadata.get("notes", []))
 
 
 def _within(window: Window, area: NDArray[np.object_], name: str, geobox: GeoBox) -> Window:

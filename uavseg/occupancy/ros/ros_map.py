@@ -303,6 +303,14 @@ def write_ros_probabilities(
     _write(path, grey, ~unknown, geobox, overwrite, mode, {"occupied_thresh": 1.0, "free_thresh": 0.0})
 
 
+def write_ros_percent(
+    path: str | os.PathLike[str], values: NDArray[np.uint8], geobox: GeoBox, overwrite: bool = False
+) -> None:
+    """Write values from 0 to 100, (rows, cols), as a map in the mode "raw", which Nav2 reads as they are."""
+    check_target(image_path(path, "raw"), overwrite)
+    _write(path, values, None, geobox, overwrite, "raw", _WRITTEN_THRESHOLDS)
+
+
 def _write(
     path: str | os.PathLike[str],
     grey: NDArray[np.uint8],

@@ -236,14 +236,15 @@ def check_metres(geobox: GeoBox) -> None:
         raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
 
 
-def pixels_inside(polygons: Iterable[Any], window: Window) -> NDArray[np.bool_]:
+def pixels_inside(polygons: Iterable[Any], window: Window, touched: bool = False) -> NDArray[np.bool_]:
     """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
 
-    These (shapely) are in pixels as (col, row); the outer corner of the first pixel is (0, 0).
+    With `touched`, of all pixels that these touch. They (shapely) are in pixels as (col, row); the
+    outer corner of the first pixel is (0, 0).
     """
     from rasterio.features import geometry_mask
 
     shape, place = (window.rows, window.cols), Affine.translation(window.col, window.row)
     with changing_filters():  # rasterio changes them itself
-        mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, invert=True)
+        mask: NDArray[Any] = geometry_mask(list(polygons), shape, place, touched, invert=True)
     return mask

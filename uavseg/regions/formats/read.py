@@ -77,6 +77,20 @@ def read_regions(
     return _complete_frame(_read_frame(source, name, layer), name, local, widths)
 
 
+def read_local_regions(source: str | os.PathLike[str], layer: str | None = None) -> Regions:
+    """Read regions in the coordinates of a map without a CRS; errors are those of `read_regions`.
+
+    GeoJSON cannot say that it has no CRS: its coordinates are taken for these, and "notes" in the metadata
+    say so. The CRS of another file stays, and is for the caller to refuse.
+    """
+    name, is_geojson = str(source), Path(source).suffix.lower() in (".geojson", ".json")
+    frame = _read_frame(source, name, layer)
+    frame = frame.set_crs(None, allow_override=True) if is_geojson else frame
+    note = f"{name}: coordinates of GeoJSON, which are degrees elsewhere, are taken for those of the map"
+    found = _complete_frame(frame, name, True, None)
+    return replace(found, metadata={"notes": [note]}) if is_geojson else found
+
+
 def regions_of_frame(frame: "GeoDataFrame", local: bool = False, widths: Widths | None = None) -> Regions:
     """Return regions of a GeoDataFrame, in WGS 84, completed like those of a file (`local`, `widths` too).
 
