@@ -119,11 +119,7 @@ def flight_params(options: MissionOptions) -> PlanParams:
         ),
         safety=safety_params(options.safety),
         terrain=terrain_params(
-            terrain.dem or None,
-            terrain.terrain,
-            terrain.terrain_tolerance,
-            terrain.climb,
-            terrain.descent,
+            terrain.dem or None, terrain.terrain, terrain.terrain_tolerance, terrain.climb, terrain.descent
         ),
     )
 
