@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 
-from uavseg.arrays import Path_
+from uavseg.arrays import GeoDataFrame, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase, steps_done
@@ -39,9 +39,6 @@ from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.table import Regions
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0  # least height above the ground of a DEM

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uavseg.arrays import GeoDataFrame
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import phase
 from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
@@ -32,8 +33,6 @@ from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
 if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
     from uavseg.jobs.source.source import Source
 
 MAX_GSD_CM = 100.0
