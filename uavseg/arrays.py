@@ -1,6 +1,7 @@
-"""Types of arrays, and of paths, that modules share."""
+"""Types of arrays, paths and tables that modules share."""
 
 import os
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,3 +10,7 @@ Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 Path_ = str | os.PathLike[str]
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame as GeoDataFrame
+else:
+    GeoDataFrame = Any  # the name is for type checkers: geopandas takes long to load

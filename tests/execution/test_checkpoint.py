@@ -131,8 +131,10 @@ def test_the_hash_of_the_program_covers_every_module_and_table(monkeypatch: pyte
 
     monkeypatch.setattr(Path, "read_bytes", seen)
     uavseg.execution.checkpoint._code_hash.__wrapped__()
-    every = [*package.rglob("*.py"), *package.rglob("*.csv")]
+    brought = {".py", ".csv", ".json", ".sql"}
+    every = [path for path in package.rglob("*") if path.suffix in brought]
     assert sorted(read) == sorted(every) and package / "raster" / "grid" / "tiling.py" in read
+    assert brought == {path.suffix for path in read}
 
 
 @maps

@@ -55,7 +55,10 @@ _COMMANDS = {
 _BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
 _BESIDE |= dict.fromkeys(("mask", "merge-maps", "simulate"), "build_map")
 _BESIDE |= dict.fromkeys(("cameras", "warm-up"), "doctor")
-_BESIDE |= {"download": "upload", "next-view": "explore", "original": "divide", "recognise": "describe"}
+_BESIDE |= dict.fromkeys(("describe", "recognise"), "classify")
+_BESIDE |= dict.fromkeys(("levels", "original"), "divide")
+_BESIDE |= dict.fromkeys(("next-view", "path"), "explore")
+_BESIDE |= dict.fromkeys(("upload", "download"), "check")
 _BESIDE |= {"resume": "plan", "serve": "map"}
 
 

@@ -1,9 +1,20 @@
-"""`uavseg divide` and `uavseg original`: the block map of rasters, and the original LBP/C, for comparison."""
+"""`uavseg divide`, `levels` and `original`: the block map of rasters, levels of v, and the original LBP/C."""
 
+from typing import TYPE_CHECKING
+
+import click
+
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
-from uavseg.cli.write import creation_of, keep_inputs
-from uavseg.options.regions import DivideOptions, OriginalOptions
+from uavseg.options.regions import DivideOptions, LevelsOptions, OriginalOptions
+from uavseg.plain_text import first_of
+
+if TYPE_CHECKING:
+    from uavseg.jobs.result.result import Extraction
+    from uavseg.jobs.segment_classes import LevelsRequest
+
+_LISTED = 8  # levels in the table at the end
 
 
 @job_command("divide", DivideOptions)
@@ -22,9 +33,9 @@ def command(options: DivideOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters
     check_block_map_name(output)
-    creation = creation_of(options.creation, {output: "uint32"})
+    creation = write.creation_of(options.creation, {output: "uint32"})
     check_target(output, overwrite)
-    keep_inputs([output], rasters)
+    write.keep_inputs([output], rasters)
     segment = options.division.segment_params()
     found = divide(open_source(rasters, options.read), segment, work_of(options.run, reporter))
     write_block_map(output, found.saved, segment.division, overwrite, creation)
@@ -42,6 +53,68 @@ def command(options: DivideOptions) -> None:
     )
 
 
+@job_command("levels", LevelsOptions)
+def levels(options: LevelsOptions) -> None:
+    """Divide RASTER... (many are one mosaic) into levels of v: 0..P, P..2P, and so on up to 1.
+
+    A segment is what adjacent pixels of one level make together; a value on an edge belongs to the level
+    below it. Each segment has its level, counted from 0, and the interval of that level; adjacent segments
+    share their borders. RASTER may also be a block map from `uavseg divide`, or the YAML file of a ROS map,
+    which is never stretched. For another map of probabilities, say --stretch none.
+
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
+    rasters are one mosaic, unless --each is given.
+    """
+    from uavseg.jobs.requests import region_job
+    from uavseg.jobs.source.open_source import open_source
+
+    reporter = Reporter(options.messages, options.progress)
+    if (options.width is None) == (options.breaks is None):
+        raise click.UsageError("give --width P, or --breaks V,V,... (or otsu, quantile)")
+    job = region_job(options)
+    if write.answer_each(options, job, ".levels.geojson", reporter):
+        return
+    files = write.RegionFiles(options, ".levels.geojson")
+    source = open_source(options.source.rasters, job.read)
+    files.check_crs(source.geobox.wkt)
+    work = work_of(options.run, reporter)
+    found = job.find(source, work)
+    reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
+    with write.transaction():
+        files.write(found, work)
+    reporter.table(
+        segments=f"{len(found.regions):,} -> {write.shown(files.target)}",
+        levels=_levels_row(found, job.request),
+        **write.summary_rows(found),
+        seconds=f"{reporter.seconds:.2f}",
+    )
+
+
+def _width(found: "Extraction", width: float) -> str:
+    """Return the width of a level in v, and in values where they are known."""
+    if found.axis is None:
+        return f"{width:g} of v"
+    first, last = found.axis.values([0, width]).tolist()
+    unit = f" {found.axis.unit}" if found.axis.unit else " in values"
+    return f"{width:g} of v ({abs(last - first):.6g}{unit})"
+
+
+def _levels_row(found: "Extraction", request: "LevelsRequest") -> str:
+    """Return how many levels there are, for the table at the end."""
+    from uavseg.jobs.ranges.level_breaks import BreakChoice
+    from uavseg.segmentation.params.segment import Levels
+
+    there = len(set(found.regions.columns["level"].tolist()))
+    wanted = request.levels
+    if isinstance(wanted, BreakChoice):
+        ends = (found.regions.columns[name].tolist() for name in ("range_low", "range_high"))
+        intervals = sorted(set(zip(*ends, strict=True)))
+        bounds = [f"{low:.7g}..{high:.7g}" for low, high in intervals]
+        return f"{there:,} by {wanted.rule}: {first_of(bounds, _LISTED)}"
+    each = f", each {_width(found, wanted.width)} wide" if isinstance(wanted, Levels) else ""
+    return f"{there:,} of {wanted.count:,} are there{each}"
+
+
 @job_command("original", OriginalOptions)
 def original(options: OriginalOptions) -> None:
     """Segment RASTER... (many are one mosaic) by texture alone, as Ojala and Pietikäinen did in 1999.
@@ -50,7 +123,7 @@ def original(options: OriginalOptions) -> None:
     by one. All of the image is held in memory, at most 4096 x 4096 pixels. RASTER may be the YAML file of a
     ROS map. `uavseg preview --labels` draws the segments.
     """
-    from uavseg.jobs.original import original
+    from uavseg.jobs.divide import original
     from uavseg.jobs.source.open_source import open_source
     from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
@@ -62,9 +135,9 @@ def original(options: OriginalOptions) -> None:
     names = ("threshold", "untested", "radius", "sweeps")
     request = LbpcParams(stop=options.merge_stop, **{name: getattr(options, name) for name in names})
     check_geotiff_name(output, "a label raster")
-    creation = creation_of(options.creation, {output: "uint32"})
+    creation = write.creation_of(options.creation, {output: "uint32"})
     check_target(output, overwrite)
-    keep_inputs([output], rasters)
+    write.keep_inputs([output], rasters)
     found = original(open_source(rasters, options.read), request, work_of(options.run, reporter))
     geobox = found.source.geobox
     tiles = [(Window(0, 0, *geobox.shape), found.labels)]

@@ -1,12 +1,19 @@
-"""`uavseg explore` and `uavseg next-view`: a robot drives through a scene, or looks next in a map."""
+"""`uavseg explore`, `next-view` and `path`: a robot drives through a scene, looks next or goes in a map."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases, work_of
-from uavseg.cli.write import check_distinct, keep_inputs, transaction, write_text
-from uavseg.errors import OutputError
-from uavseg.options.maps import ExploreOptions, NextViewOptions
+from uavseg.errors import MissionError, OutputError, ParameterError
+from uavseg.options.maps import ExploreOptions, NextViewOptions, PathOptions
+
+if TYPE_CHECKING:
+    from uavseg.flight.params.plan import PlanParams
+    from uavseg.jobs.maps.path import PathFound
+
+_LINES = (".geojson", ".json")
 
 
 @job_command("explore", ExploreOptions)
@@ -26,10 +33,10 @@ def command(options: ExploreOptions) -> None:
     with showing_phases(reporter.quiet):
         found = explore(options.scene, explore_request(options))
     reporter.finish(found.warnings)
-    with transaction():
-        write_text(options.output, found.to_geojson(), overwrite)
+    with write.transaction():
+        write.write_text(options.output, found.to_geojson(), overwrite)
         if options.table:
-            write_text(options.table, found.table(), overwrite)
+            write.write_text(options.table, found.table(), overwrite)
         if options.map:
             grid = found.drive.grid
             write_map(options.map, grid.probabilities, grid.geobox, overwrite)
@@ -61,8 +68,8 @@ def _check_targets(options: ExploreOptions) -> None:
         check_target(path, overwrite)
     maps = check_map_path(options.map, overwrite) if options.map else []
     files = [path for path in (options.output, options.table, options.animation) if path and path != "-"]
-    check_distinct(*files, *maps)
-    keep_inputs([*files, *maps], options.scene)
+    write.check_distinct(*files, *maps)
+    write.keep_inputs([*files, *maps], options.scene)
 
 
 @job_command("next-view", NextViewOptions)
@@ -82,12 +89,12 @@ def next_view(options: NextViewOptions) -> None:
     request = view_request(options)
     if options.output != "-":
         check_target(options.output, options.files.overwrite)
-    keep_inputs([options.output], options.map_)
+    write.keep_inputs([options.output], options.map_)
     source = open_probability_map(options.map_, options.read)
     check_path_crs(source.geobox)
     found = next_views(source, request, work_of(options.run, reporter))
     reporter.finish(found.warnings)
-    write_text(options.output, found.to_geojson(), options.files.overwrite)
+    write.write_text(options.output, found.to_geojson(), options.files.overwrite)
     for rank, view in enumerate(found.views, start=1):
         about = view.properties
         place = f"{view.pose.x:.2f},{view.pose.y:.2f} heading {about['heading_deg']:.0f}"
@@ -95,3 +102,81 @@ def next_view(options: NextViewOptions) -> None:
         worth = f"{about['gain_bits']:.0f} bits, score {about['score']:.2f}"
         reporter.say(f"  {rank:2d}  {place}: {way}, {worth}")
     reporter.say(f"  {len(found.views)} views -> {options.output}")
+
+
+@job_command("path", PathOptions)
+def path(options: PathOptions) -> None:
+    """Find the shortest path over the cells of a region of MAP, from --start to --goal.
+
+    MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
+    with the same --range and --refine. The path never enters a cell whose own value is outside of the range,
+    and cuts no corner.
+    """
+    from uavseg.jobs.maps.path import path, path_request
+    from uavseg.jobs.source.open_source import open_probability_map
+    from uavseg.occupancy.paths.path_geojson import check_path_crs, path_lonlat, path_to_geojson
+    from uavseg.output.atomic import check_target
+
+    reporter = Reporter(options.messages, options.progress)
+    output, overwrite = options.output, options.files.overwrite
+    write.check_ranges(options.ranges, {})
+    request, flight = path_request(options), _flight(options)
+    if output != "-":
+        check_target(output, overwrite)
+    write.keep_inputs([output], options.map_)
+    source = open_probability_map(options.map_, options.read)
+    check_path_crs(source.geobox)
+    if flight is not None and source.geobox.crs is None:
+        why = "the map has no CRS, so nobody knows where to fly"
+        raise MissionError(f"{why}; give it one with gdal_edit.py -a_srs")
+    found = path(source, request, work_of(options.run, reporter))
+    reporter.finish(found.warnings)
+    mission, unwritten = None, []
+    if flight is None or options.home is None:
+        write.write_text(output, path_to_geojson(found.path), overwrite)
+    else:
+        from uavseg.flight.planning.along import fly_along
+
+        lon, lat = path_lonlat(found.path)
+        home = (float(lat[0]), float(lon[0])) if isinstance(options.home, str) else options.home
+        mission = fly_along(lon, lat, flight, home)
+        unwritten = write.write_mission_output(mission, output, overwrite)
+    reporter.table(_rows(found, output) | {"seconds": f"{reporter.seconds:.2f}"})
+    if mission is not None and not reporter.quiet:
+        from uavseg.cli.mission_report import report
+
+        report([mission], 1, [output], [*mission.warnings, *unwritten])
+
+
+def _flight(options: PathOptions) -> "PlanParams | None":
+    """Return how to fly, checked before any work is done; None where a line is written."""
+    output = options.output
+    if output == "-" or Path(output).suffix.lower() in _LINES:
+        return None
+    from uavseg.flight.formats import files
+    from uavseg.flight.params.plan import PlanParams
+
+    try:
+        files.check_mission_format(output)
+    except MissionError:
+        formats = ".geojson, .json, .plan, .waypoints, .kmz, .csv or .kml"
+        raise OutputError(f"{output}: a path is written to {formats}") from None
+    if options.altitude is None:
+        raise ParameterError("a mission needs --altitude, in metres above home")
+    if options.home is None:
+        raise ParameterError("a mission needs --home LAT,LON, where the vehicle starts (or --home auto)")
+    return PlanParams(options.altitude, speed_m_s=options.speed, autopilot=options.autopilot)
+
+
+def _rows(found: "PathFound", output: str) -> dict[str, str]:
+    way = found.path
+    unit = "m" if found.in_metres else "units of the map"
+    rows = {
+        "path": f"{len(way.corners):,} corners -> {write.shown(output)}",
+        "length": f"{way.length_m:,.3f} {unit} ({way.cells:,} cells)",
+        "expanded": f"{way.expanded:,} cells in {found.search_s:.3f} s",
+    }
+    if way.walls:
+        out = f"{way.walls:,} cells of region {way.region} whose own value is outside of the range"
+        rows["kept out of"] = out
+    return rows

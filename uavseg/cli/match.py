@@ -9,18 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from uavseg.cli import write
 from uavseg.cli.command import ARGUMENTS, job_command
 from uavseg.cli.terminal.say import Reporter, say, work_of
-from uavseg.cli.write import (
-    RegionFiles,
-    answer_each,
-    check_distinct,
-    confidence_row,
-    keep_inputs,
-    shown,
-    summary_rows,
-    transaction,
-)
 from uavseg.options.regions import MatchOptions
 
 if TYPE_CHECKING:
@@ -70,21 +61,21 @@ def command(options: MatchOptions) -> None:
     reporter = Reporter(options.messages, options.progress)
     _check_samples(options)
     job = region_job(options)
-    if answer_each(options, job, ".match.geojson", reporter):
+    if write.answer_each(options, job, ".match.geojson", reporter):
         return
-    files = RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
+    files = write.RegionFiles(options, ".match.geojson", options.like, options.unlike, options.classes)
     picture = "match.place.png" if files.target == "-" else str(Path(files.target).with_suffix(".place.png"))
     if options.png is not None:
         from uavseg.plot.page.page import check_png_target
 
-        check_distinct(files.target, options.png, picture if options.ask else None)
-        keep_inputs([options.png], options.source.rasters, options.like, options.unlike)
+        write.check_distinct(files.target, options.png, picture if options.ask else None)
+        write.keep_inputs([options.png], options.source.rasters, options.like, options.unlike)
         check_png_target(options.png, files.overwrite)
     if options.ask:
         from uavseg.plot.preview import PlacePicture
 
         drawn = PlacePicture(picture, files.overwrite)
-        keep_inputs([picture], options.source.rasters, options.like, options.unlike)
+        write.keep_inputs([picture], options.source.rasters, options.like, options.unlike)
     source: Any = job.opened(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     work = work_of(options.run, reporter)
@@ -117,16 +108,16 @@ def command(options: MatchOptions) -> None:
         end = given.index("--") if "--" in given else len(given)
         words = shlex.join(["uavseg", "match", *given[:end], *answers, *given[end:]])
         reporter.say(f"no more questions; the same regions without them: {words}")
-    with transaction():
+    with write.transaction():
         if options.png is not None:
             from uavseg.plot.preview import draw_answers
 
             draw_answers(source.dataset, options.png, pictures, job.read.spec or "auto", files.overwrite)
         files.write(found, work)
-    common = summary_rows(found)
-    rows = {"regions": f"{len(found.regions):,} -> {shown(files.target)}"}
+    common = write.summary_rows(found)
+    rows = {"regions": f"{len(found.regions):,} -> {write.shown(files.target)}"}
     rows |= {name: common[name] for name in ("total area", "largest")}
-    rows |= confidence_row(found) | compared | {name: common[name] for name in ("stretch", "band")}
+    rows |= write.confidence_row(found) | compared | {name: common[name] for name in ("stretch", "band")}
     reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
 
 

@@ -38,6 +38,7 @@ from uavseg.output.renames import recover
 from uavseg.output.targets import check_utf8
 
 _TREE = "tree.json"
+_CODE = ("*.py", "*.csv", "*.json", "*.sql")  # whose change may change results
 _COMPRESSION_LEVEL = 1  # of deflate: enough to shrink histograms of 65536 bins
 # What decoding of damaged bytes raises.
 _DAMAGE_ERRORS = (
@@ -202,7 +203,7 @@ def stage_name(function: Any) -> str:
 def _code_hash() -> str:
     """Hash the package's source and tables: two states of it between two releases have the same version."""
     hasher, root = hashlib.sha256(), Path(__file__).parents[1]
-    for path in sorted([*root.rglob("*.py"), *root.rglob("*.csv")]):
+    for path in sorted(path for kind in _CODE for path in root.rglob(kind)):
         hasher.update(path.read_bytes())
     return hasher.hexdigest()
 

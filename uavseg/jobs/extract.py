@@ -31,7 +31,7 @@ from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import DetectedRange, ValueRange
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
-from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
+from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.formats.export import check_region_folder, write_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import concatenate_sums, number_regions
@@ -147,19 +147,15 @@ def _refined(source: Blocks, raster: Pixels, request: ExtractRequest, work: Work
 
 def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
     """Return regions of whole cells with valid pixels, from the block map alone; their `std` is not known."""
-    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
-
     refuse_at_cells(request.detail, request.segment.refine)
     if request.thin_lines:
         raise ParameterError(
             "thin lines are decided to the pixel, and regions from this block map end at block edges; leave "
             "them out, or give the raster"
         )
-    blocks, segment = source.saved.blocks, request.segment
     detected = ranges.range_of_blocks(source, request.interval)
-    outlined = outline_block_map(blocks, cells_in_range(blocks, detected.interval, segment.division))
-    if request.fill_holes is not None:
-        outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
+    cells = cells_in_range(source.saved.blocks, detected.interval, request.segment.division)
+    outlined = results.outlined_cells(source, cells, request.fill_holes)
     return _measured(outlined, source, detected, request)
 
 

@@ -20,7 +20,7 @@ from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
-from uavseg.regions.edit.small import Area, drop_small_regions, fill_small_holes
+from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -179,14 +179,9 @@ def _at_block_edges(
     source: Blocks, partition: Partition, request: PartitionRequest, notes: tuple[str, ...] = ()
 ) -> Segmented:
     """Return segments of whole cells with valid pixels, from the block map alone; `std` is not known."""
-    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
-
     refuse_at_cells(request.detail, request.segment.refine)
-    blocks = source.saved.blocks
-    classes = cell_classes(blocks, partition, request.segment.division)
-    outlined = outline_block_map(blocks, classes)
-    if request.fill_holes is not None:
-        outlined = sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, request.fill_holes))
+    classes = cell_classes(source.saved.blocks, partition, request.segment.division)
+    outlined = results.outlined_cells(source, classes, request.fill_holes)
     return Segmented(outlined, _of_cells(classes), SourceInfo.of(source), partition, "none", notes)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.raster.geodesy.globe import transform_between, wrap_lon_beyond_180
@@ -18,8 +18,6 @@ from uavseg.regions.shapes import LazyPolygons, PolygonArray, batch_slices
 from uavseg.units import GREY_MAX
 
 if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
     from uavseg.raster.spectral.bands import ValueAxis
     from uavseg.regions.outline.rings import Rings
     from uavseg.segmentation.components import Sums

@@ -13,24 +13,9 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Photos
+from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.duration import CALM, leg_seconds
-from uavseg.flight.mission.items import (
-    CAMERA_DISTANCE,
-    CAMERA_INTERVAL,
-    CHANGE_SPEED,
-    IMAGE_START,
-    IMAGE_STOP,
-    LANDINGS,
-    LOITER,
-    LOITER_TIME,
-    LOITER_TURNS,
-    MOUNT_CONTROL,
-    RETURN,
-    ROI_LOCATION,
-    TAKEOFFS,
-    WAYPOINT,
-    MissionItem,
-)
+from uavseg.flight.mission.items import MissionItem
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.track import Plane, leg_lengths
 from uavseg.flight.mission.vehicle import Vehicle, Wind, default_vehicle
@@ -132,44 +117,44 @@ def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPa
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
     for item in mission.items:
-        if item.command == CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
+        if item.command == mav.CHANGE_SPEED and (item.params[0] or 0) <= 1 and (item.params[1] or 0) > 0:
             speed = float(item.params[1] or speed)
-        elif item.command == CAMERA_DISTANCE:
+        elif item.command == mav.CAMERA_DISTANCE:
             trigger = (max(item.params[0] or 0.0, 0.0), 0.0)
             walk.shots[-1:] = [shots + (item.params[2] == 1) for shots in walk.shots[-1:]]
-        elif item.command == CAMERA_INTERVAL:
+        elif item.command == mav.CAMERA_INTERVAL:
             trigger = (0.0, max(item.params[0] or 0.0, 0.0) / 1000)  # milliseconds
-        elif item.command == IMAGE_START:
+        elif item.command == mav.IMAGE_START:
             if item.params[2] != 1:
                 trigger = (0.0, max(item.params[1] or 0.0, 0.0))
             walk.shots[-1:] = [shots + 1 for shots in walk.shots[-1:]]
-        elif item.command == IMAGE_STOP:
+        elif item.command == mav.IMAGE_STOP:
             trigger = (0.0, 0.0)
-        elif item.command == MOUNT_CONTROL:
+        elif item.command == mav.MOUNT_CONTROL:
             walk.gimbal_deg = float(item.params[0] or 0.0)
-        elif item.command == RETURN:
+        elif item.command == mav.RETURN:
             _return(walk, vehicle)
             ends = "return"
             break
         elif item.has_position:
-            part = "climb" if item.command in TAKEOFFS else "flight"
+            part = "climb" if item.command in mav.TAKEOFFS else "flight"
             walk.go(_place(item, mission, plane, walk.xyz[-1]), speed, part, trigger)
             if mission.ground is not None:
                 home = (mission.home.lat, mission.home.lon)
                 walk.rise[-1] = mission.ground.rise_m(home, (item.lat, item.lon))
             if seconds := _hold_s(item, speed):
                 walk.wait(seconds)
-            if item.command in LANDINGS:
+            if item.command in mav.LANDINGS:
                 walk.stop[-1] = True
                 ends = "land"
                 break
-            if item.command == LOITER:
+            if item.command == mav.LOITER:
                 break  # for ever
     return _path(walk, vehicle, wind, ends)
 
 
 def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> Place:
-    height = before[2] if item.command in LANDINGS else mission.height_above_home_m(item)
+    height = before[2] if item.command in mav.LANDINGS else mission.height_above_home_m(item)
     if item.is_at_vehicle:
         return before[0], before[1], height
     x, y = plane.xy_from_lonlat(item.lon, item.lat)
@@ -178,9 +163,9 @@ def _place(item: MissionItem, mission: Mission, plane: Plane, before: Place) -> 
 
 def _hold_s(item: MissionItem, speed: float) -> float:
     first = abs(item.params[0] or 0.0)
-    if item.command in {WAYPOINT, LOITER_TIME}:
+    if item.command in {mav.WAYPOINT, mav.LOITER_TIME}:
         return first
-    if item.command == LOITER_TURNS:
+    if item.command == mav.LOITER_TURNS:
         return first * 2 * math.pi * (abs(item.params[2] or 0.0) or CIRCLE_M) / speed
     return 0.0
 
@@ -292,10 +277,7 @@ def _rounded(value: Any, decimals: int) -> Any:
 
 
 def estimate(
-    mission: Mission,
-    vehicle: Vehicle | None = None,
-    photos: Photos | None = None,
-    wind: Wind | None = None,
+    mission: Mission, vehicle: Vehicle | None = None, photos: Photos | None = None, wind: Wind | None = None
 ) -> Estimate:
     """Estimate a mission.
 
@@ -409,7 +391,7 @@ def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
         return _none("the mission takes no photographs" if photos else "")
     if known is None:
         return _none("a mission file does not say which camera: name it for footprints of photographs")
-    if any(item.command == ROI_LOCATION for item in mission.items):
+    if any(item.command == mav.ROI_LOCATION for item in mission.items):
         return _none("no footprints: the camera looks at places, not along the flight")
     if count > MAX_FOOTPRINTS:
         return _none(f"no footprints: {count:,} photographs are more than {MAX_FOOTPRINTS:,}")

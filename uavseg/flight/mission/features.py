@@ -8,10 +8,11 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import field
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissingLibraryError, MissionError
 from uavseg.flight.mission import items as mav
@@ -19,10 +20,6 @@ from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition,
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import geod_wgs84
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
 
 Value = str | float | int | bool | None
 Place = tuple[float, float, float]  # lat, lon, metres

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import Photos
@@ -18,8 +18,6 @@ from uavseg.flight.mission.vehicle import Vehicle, Wind
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
     from uavseg.flight.mission.estimate import Estimate
 
 

@@ -1,6 +1,6 @@
 """Vehicles: speeds, accelerations and turns of a multirotor under ArduCopter or PX4, and its power; wind.
 
-The defaults are those of the autopilots' own parameters, which operators rarely change:
+The defaults, in vehicles.json, are those of the autopilots' own parameters, which operators rarely change:
 
 - ArduCopter 4.5: WPNAV_ACCEL 2.5 m/s2, WPNAV_ACCEL_C 0 (twice that), WPNAV_JERK 1 m/s3, WPNAV_ACCEL_Z
   1 m/s2, WPNAV_SPEED 10, WPNAV_SPEED_UP 2.5, WPNAV_SPEED_DN 1.5 m/s, WPNAV_RADIUS 2 m, RTL_ALT 15 m,
@@ -16,9 +16,11 @@ The defaults are those of the autopilots' own parameters, which operators rarely
   COM_DISARM_LAND 2 s after the landing (src/modules/mc_pos_control, src/modules/navigator, rc.mc_defaults).
 """
 
+import json
 import math
 import os
 from dataclasses import fields, replace
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -104,52 +106,9 @@ class Vehicle:
 
 NUMBERS = tuple(field.name for field in fields(Vehicle) if field.name not in {"name", "turns"})
 
-ARDUCOPTER = Vehicle(
-    name="multirotor with ArduCopter",
-    turns="blend",
-    acceleration_m_s2=2.5,
-    jerk_m_s3=1.0,
-    jerk_rise_s=0.3,
-    corner_acceleration_m_s2=5.0,
-    radius_m=2.0,
-    climb_m_s=2.5,
-    descent_m_s=1.5,
-    vertical_acceleration_m_s2=1.0,
-    return_speed_m_s=10.0,
-    return_height_m=15.0,
-    return_slope=3.0,
-    return_hold_s=5.0,
-    takeoff_m_s=2.5,
-    takeoff_height_m=0.0,
-    landing_m_s=0.5,
-    landing_height_m=10.0,
-    airspeed_m_s=11.7,
-    start_s=3.0,
-    stop_s=3.0,
-)
-PX4 = Vehicle(
-    name="multirotor with PX4",
-    turns="slow",
-    acceleration_m_s2=3.0,
-    jerk_m_s3=4.0,
-    jerk_rise_s=0.0,
-    corner_acceleration_m_s2=1.5,
-    radius_m=2.0,
-    climb_m_s=3.0,
-    descent_m_s=1.5,
-    vertical_acceleration_m_s2=4.0,
-    return_speed_m_s=5.0,
-    return_height_m=60.0,
-    return_slope=1.0,
-    return_hold_s=0.0,
-    takeoff_m_s=1.5,
-    takeoff_height_m=10.0,
-    landing_m_s=0.7,
-    landing_height_m=7.0,
-    airspeed_m_s=12.0,
-    start_s=3.0,
-    stop_s=3.0,
-)
+_TABLE = resources.files("uavseg.flight.mission").joinpath("vehicles.json").read_text(encoding="utf-8")
+_DEFAULTS = {autopilot: Vehicle(**values) for autopilot, values in json.loads(_TABLE).items()}
+ARDUCOPTER, PX4 = _DEFAULTS["ardupilot"], _DEFAULTS["px4"]
 
 
 def default_vehicle(autopilot: str) -> Vehicle:

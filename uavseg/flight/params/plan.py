@@ -51,10 +51,7 @@ class TerrainParams:
         if self.dem is None and self.mode != FRAME:
             raise ParameterError(f"heights that are {self.mode} follow from an elevation model: give --dem")
         for what, rate in (("climb", self.climb_m_s), ("descent", self.descent_m_s)):
-            if rate is not None and not MIN_RATE_M_S <= rate <= MAX_RATE_M_S:
-                raise ParameterError(
-                    f"the {what} rate is {MIN_RATE_M_S:g} to {MAX_RATE_M_S:g} m/s, not {rate:g}"
-                )
+            _check(f"{what} rate", rate, MIN_RATE_M_S, MAX_RATE_M_S, "m/s")
         if self.mode == ABSOLUTE and self.dem is not None and not self.dem.is_above_sea:
             raise ParameterError(
                 f"{self.dem.name} has heights above the ellipsoid, up to 100 m from those above the sea that "
@@ -142,8 +139,7 @@ class PerimeterParams:
 
     def __post_init__(self) -> None:
         _check("offset of a perimeter", self.offset_m, -MAX_MARGIN_M, MAX_MARGIN_M, "m")
-        if self.min_leg_m is not None:
-            _check("shortest leg", self.min_leg_m, 0, MAX_MARGIN_M, "m")
+        _check("shortest leg", self.min_leg_m, 0, MAX_MARGIN_M, "m")
         if self.holes not in HOLES:
             raise ParameterError(f"holes are one of {', '.join(HOLES)}, not {self.holes!r}")
 
@@ -172,8 +168,7 @@ class CorridorParams:
 
     def __post_init__(self) -> None:
         _check("margin", self.margin_m, 0, MAX_MARGIN_M, "m")
-        if self.width_m is not None:
-            _check("width of a corridor", self.width_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
+        _check("width of a corridor", self.width_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
 
 
 @checked
@@ -199,8 +194,9 @@ PARAMS_OF = {
 PATTERNS = tuple(PARAMS_OF)
 
 
-def _check(what: str, value: float, minimum: float, maximum: float, unit: str) -> None:
-    if not (math.isfinite(value) and minimum <= value <= maximum):
+def _check(what: str, value: float | None, minimum: float, maximum: float, unit: str) -> None:
+    """Refuse a number that is given and out of bounds."""
+    if value is not None and not (math.isfinite(value) and minimum <= value <= maximum):
         raise ParameterError(f"the {what} is {minimum:g} to {maximum:g} {unit}, not {value:g}")
 
 
@@ -266,8 +262,7 @@ class SafetyParams:
         return height_m + max(self.avoid_margin_m, MIN_OVER_M)
 
     def __post_init__(self) -> None:
-        if self.zone_height_m is not None:
-            _check("height of keep-out zones (--zone-height)", self.zone_height_m, 0, MAX_HEIGHT_M, "m")
+        _check("height of keep-out zones (--zone-height)", self.zone_height_m, 0, MAX_HEIGHT_M, "m")
         if not 0 <= self.avoid_margin_m <= 10_000:
             raise ParameterError(f"the margin of zones is 0 to 10,000 m, not {self.avoid_margin_m:g}")
         if self.fence_margin_m is not None and not 5 <= self.fence_margin_m <= 10_000:
@@ -370,12 +365,10 @@ class PlanParams:
         if self.pattern != "survey" and self.angle_deg is not None:
             raise ParameterError(f"an angle is for a survey, not for the pattern {self.pattern}")
         self._check_photos()
-        if self.spacing_m is not None:
-            _check("spacing", self.spacing_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
+        _check("spacing", self.spacing_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
         if self.angle_deg is not None and not math.isfinite(self.angle_deg):
             raise ParameterError(f"the angle of lines is a number of degrees, not {self.angle_deg}")
-        if self.tolerance_m is not None:
-            _check("tolerance", self.tolerance_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
+        _check("tolerance", self.tolerance_m, MIN_NUMBER, MAX_DISTANCE_M, "m")
         if self.terrain is not None:
             self.terrain.check(self.altitude_m, self.autopilot)
             if self.safety.zone_height_m is not None:

@@ -7,23 +7,8 @@ IMAGE_START_CAPTURE (2000), which it and PX4 take.
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.flight.mission.items import (
-    CAMERA_DISTANCE,
-    CHANGE_SPEED,
-    DEGREE_DECIMALS,
-    FRAME_MISSION,
-    FRAME_RELATIVE,
-    IMAGE_START,
-    IMAGE_STOP,
-    MOUNT_CONTROL,
-    RETURN,
-    ROI_LOCATION,
-    ROI_NONE,
-    TAKEOFF,
-    WAYPOINT,
-    HomePosition,
-    MissionItem,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
@@ -60,7 +45,7 @@ def items_along(
     `params`, above home.
     """
     heights = constant_height(track, params) if heights is None else heights
-    places = np.round(track.xy, DEGREE_DECIMALS).tolist()
+    places = np.round(track.xy, mav.DEGREE_DECIMALS).tolist()
     height_m, speed_m_s, hold_s = (
         one.tolist() for one in (heights.height_m, heights.speed_m_s, track.hold_s)
     )
@@ -70,23 +55,23 @@ def items_along(
     for (lon, lat), height, leg_speed, hold, actions in corners:
         if leg_speed != speed:
             flight.append(_speed_item(leg_speed))
-        flight.append(MissionItem(WAYPOINT, heights.frame, (hold, 0.0, 0.0, None), lat, lon, height))
+        flight.append(MissionItem(mav.WAYPOINT, heights.frame, (hold, 0.0, 0.0, None), lat, lon, height))
         flight += actions
         speed = leg_speed
     if speed != begin:
         flight.append(_speed_item(begin))
     up = round(heights.takeoff_m, 3)
     return (
-        MissionItem(TAKEOFF, FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, up),
+        MissionItem(mav.TAKEOFF, mav.FRAME_RELATIVE, (0.0, 0.0, 0.0, None), home.lat, home.lon, up),
         _speed_item(begin),
         *_gimbal_items(track, params),
         *flight,
-        MissionItem(RETURN, FRAME_MISSION),
+        MissionItem(mav.RETURN, mav.FRAME_MISSION),
     )
 
 
 def _speed_item(speed_m_s: float) -> MissionItem:
-    return MissionItem(CHANGE_SPEED, FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
+    return MissionItem(mav.CHANGE_SPEED, mav.FRAME_MISSION, (1.0, speed_m_s, -1.0, 0.0))
 
 
 def home_notes(home: tuple[float, ...]) -> list[str]:
@@ -101,7 +86,7 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
     triggers = [*np.round(track.trigger_m, 3).tolist(), 0.0]
     speeds = [*speeds_of(track, params)[1:].tolist(), params.speed_m_s]
     nowhere = np.full((1, 2), np.nan)
-    places = np.round(np.concatenate([track.look_at, nowhere]), DEGREE_DECIMALS)
+    places = np.round(np.concatenate([track.look_at, nowhere]), mav.DEGREE_DECIMALS)
     actions = []
     before, seen = 0.0, nowhere[0]
     turned = {two: float(track.pitch_deg[two]) for _, two in track.pitch_changes}
@@ -110,9 +95,11 @@ def _corner_actions(track: Track, params: PlanParams) -> list[list[MissionItem]]
         items = [_gimbal(turned[leg])] if leg in turned else []
         if not np.array_equal(place, seen, equal_nan=True):
             lon, lat = place.tolist()
-            ahead = MissionItem(ROI_NONE, FRAME_MISSION)
+            ahead = MissionItem(mav.ROI_NONE, mav.FRAME_MISSION)
             items.append(
-                ahead if not np.isfinite(lon) else MissionItem(ROI_LOCATION, FRAME_RELATIVE, lat=lat, lon=lon)
+                ahead
+                if not np.isfinite(lon)
+                else MissionItem(mav.ROI_LOCATION, mav.FRAME_RELATIVE, lat=lat, lon=lon)
             )
         if shot:
             items += _one_photo(params)
@@ -133,7 +120,7 @@ def _gimbal_items(track: Track, params: PlanParams) -> list[MissionItem]:
 
 def _gimbal(pitch: float) -> MissionItem:
     targeting = 2.0  # MAV_MOUNT_MODE_MAVLINK_TARGETING
-    return MissionItem(MOUNT_CONTROL, FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)
+    return MissionItem(mav.MOUNT_CONTROL, mav.FRAME_MISSION, (pitch, 0.0, 0.0, 0.0), altitude_m=targeting)
 
 
 def _one_photo(params: PlanParams) -> list[MissionItem]:
@@ -141,7 +128,7 @@ def _one_photo(params: PlanParams) -> list[MissionItem]:
     if params.photos.trigger == "distance":  # as on lines: to start the trigger takes a photograph
         every = round(params.photos.trigger_m(params.altitude_m), 3)
         return [_distance(every), _distance(0.0)]
-    return [MissionItem(IMAGE_START, FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))]
+    return [MissionItem(mav.IMAGE_START, mav.FRAME_MISSION, (0.0, 0.0, 1.0, 0.0))]
 
 
 def _trigger(trigger_m: float, speed_m_s: float, params: PlanParams) -> MissionItem:
@@ -150,10 +137,10 @@ def _trigger(trigger_m: float, speed_m_s: float, params: PlanParams) -> MissionI
     if params.photos.trigger == "distance":
         return _distance(trigger_m)
     if not trigger_m:
-        return MissionItem(IMAGE_STOP, FRAME_MISSION)
+        return MissionItem(mav.IMAGE_STOP, mav.FRAME_MISSION)
     interval = round(params.photos.interval_s(trigger_m, speed_m_s), 3)
-    return MissionItem(IMAGE_START, FRAME_MISSION, (0.0, interval, 0.0, 0.0))
+    return MissionItem(mav.IMAGE_START, mav.FRAME_MISSION, (0.0, interval, 0.0, 0.0))
 
 
 def _distance(trigger_m: float) -> MissionItem:
-    return MissionItem(CAMERA_DISTANCE, FRAME_MISSION, (trigger_m, 0.0, float(trigger_m > 0), 0.0))
+    return MissionItem(mav.CAMERA_DISTANCE, mav.FRAME_MISSION, (trigger_m, 0.0, float(trigger_m > 0), 0.0))

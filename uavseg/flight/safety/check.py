@@ -12,17 +12,8 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.mission.items import (
-    FRAME_AMSL,
-    FRAME_RELATIVE,
-    FRAME_TERRAIN,
-    LANDINGS,
-    RETURN,
-    TAKEOFFS,
-    Fence,
-    FenceCircle,
-    FencePolygon,
-)
+from uavseg.flight.mission import items as mav
+from uavseg.flight.mission.items import Fence, FenceCircle, FencePolygon
 from uavseg.flight.mission.mission import CRUISE_M_S, Mission
 from uavseg.flight.mission.track import Plane, plane_around
 from uavseg.flight.params.plan import PlanParams, SafetyParams
@@ -78,18 +69,18 @@ class Clearance:
 
     def _legs(self, mission: Mission, maximum_m: float) -> Iterator[str]:
         items = [item for item in mission.items if item.has_position]
-        if any(item.frame == FRAME_TERRAIN for item in items):
+        if any(item.frame == mav.FRAME_TERRAIN for item in items):
             yield from self._outside(
                 max(item.altitude_m for item in items), self.minimum_m, maximum_m, "an item"
             )
             return
         home_m = self._ground_m(mission.home.lat, mission.home.lon)
-        places = [] if items[0].command in TAKEOFFS else [(*_position(mission), home_m, CRUISE_M_S)]
+        places = [] if items[0].command in mav.TAKEOFFS else [(*_position(mission), home_m, CRUISE_M_S)]
         for item, speed in zip(items, mission.leg_speeds_m_s, strict=True):
-            lon, lat = _position(mission) if item.command in TAKEOFFS else (item.lon, item.lat)
-            zero_m = 0.0 if item.frame == FRAME_AMSL else home_m
+            lon, lat = _position(mission) if item.command in mav.TAKEOFFS else (item.lon, item.lat)
+            zero_m = 0.0 if item.frame == mav.FRAME_AMSL else home_m
             places.append((lon, lat, zero_m + item.altitude_m, speed))
-        if any(item.command == RETURN for item in mission.items):
+        if any(item.command == mav.RETURN for item in mission.items):
             places.append((*_position(mission), *places[-1][2:]))
         lon, lat, height, speeds = np.array(places).T
         profile = profile_along(self.dem, lon, lat, GAP_M)
@@ -285,8 +276,8 @@ class SafetyCheck:
             above = np.minimum(height[:-1], height[1:]) >= self.safety.over_zones_m - SLACK_M
             # certain where heights are above home, and landings on the ground
             positions = [item for item in mission.items if item.has_position]
-            above &= all(item.frame == FRAME_RELATIVE for item in positions)
-            above &= not any(item.altitude_m for item in positions if item.command in LANDINGS)
+            above &= all(item.frame == mav.FRAME_RELATIVE for item in positions)
+            above &= not any(item.altitude_m for item in positions if item.command in mav.LANDINGS)
             legs = shapely.linestrings(np.stack([xy[:-1], xy[1:]], axis=1))
             legs[above] = None
             yield from self._near_zones(zones, legs, leg_name)

@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 
-from uavseg.arrays import Path_
+from uavseg.arrays import GeoDataFrame, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase, steps_done
@@ -21,18 +21,7 @@ from uavseg.flight.formats import kmz, litchi, wpml
 from uavseg.flight.formats.files import MAX_BYTES, check_mission_format, read_mission, station_refusals
 from uavseg.flight.formats.wayline import wayline_of
 from uavseg.flight.link.logs import shots_of_log
-from uavseg.flight.mission.items import (
-    AUTOPILOTS,
-    ELSEWHERE,
-    FRAME_AMSL,
-    KNOWN,
-    LANDINGS,
-    LAST_NAV,
-    MAX_HEIGHT_M,
-    RETURN,
-    TAKEOFFS,
-    WAYPOINT,
-)
+from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Wind, default_vehicle
 from uavseg.flight.params.plan import SafetyParams
@@ -51,12 +40,9 @@ from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.table import Regions
 
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
 NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0  # least height above the ground of a DEM
-ANY_HEIGHT = SafetyParams(max_altitude_m=MAX_HEIGHT_M)
+ANY_HEIGHT = SafetyParams(max_altitude_m=mav.MAX_HEIGHT_M)
 LOGS = (".bin", ".log", ".ulg", ".tlog")
 LISTED = 5  # legs and names in a note
 OWN_AUTOPILOT = frozenset({".plan", ".kml", ".geojson"})  # formats that hold it
@@ -78,9 +64,9 @@ class CheckRequest:
     notes: tuple[str, ...] = ()  # on the zones and photographs
 
     def __post_init__(self) -> None:
-        if self.autopilot is not None and self.autopilot not in AUTOPILOTS:
+        if self.autopilot is not None and self.autopilot not in mav.AUTOPILOTS:
             raise ParameterError(
-                f"an autopilot is one of {', '.join(AUTOPILOTS)}, not {shown(self.autopilot)}"
+                f"an autopilot is one of {', '.join(mav.AUTOPILOTS)}, not {shown(self.autopilot)}"
             )
 
 
@@ -124,14 +110,14 @@ class MissionCheck:
     def warnings(self) -> tuple[str, ...]:
         """What the person who flies it should know."""
         notes = list(self.mission.warnings)
-        if unknown := sorted({item.command for item in self.mission.items} - KNOWN):
+        if unknown := sorted({item.command for item in self.mission.items} - mav.KNOWN):
             listed = ", ".join(map(str, unknown))
             notes.append(f"commands that are not known here are kept and not checked: {listed}")
         notes += _not_followed(self.mission)
         ends = [item.command for item in self.mission.items]
-        if not TAKEOFFS & set(ends):
+        if not mav.TAKEOFFS & set(ends):
             notes.append("the mission has no takeoff: a multirotor has to be in the air before it starts")
-        if not {RETURN, *LANDINGS} & set(ends):
+        if not {mav.RETURN, *mav.LANDINGS} & set(ends):
             notes.append("the mission has no return and no landing: it ends in the air")
         return (*notes, *(_findings(self.coverage) if self.coverage else ()))
 
@@ -145,7 +131,7 @@ class MissionCheck:
             "problems": list(self.problems),
             "autopilot": self.autopilot,
             "items": len(mission.items),
-            "waypoints": sum(item.command == WAYPOINT for item in mission.items),
+            "waypoints": sum(item.command == mav.WAYPOINT for item in mission.items),
             "commands": {
                 str(n): count for n, count in sorted(Counter(i.command for i in mission.items).items())
             },
@@ -252,7 +238,7 @@ def _not_followed(mission: Mission) -> list[str]:
     items = [
         f"item {number} (command {item.command})"
         for number, item in enumerate(mission.items, start=1)
-        if item.command in ELSEWHERE or (item.command < LAST_NAV and item.command not in KNOWN)
+        if item.command in mav.ELSEWHERE or (item.command < mav.LAST_NAV and item.command not in mav.KNOWN)
     ]
     unknown = "where the vehicle flies there is not known here, so it is neither checked nor counted"
     return [f"{first_of(items, 1)}: {unknown}"] if items else []
@@ -273,7 +259,7 @@ def check_request(options: CheckOptions) -> CheckRequest:
     if options.gaps is not None:
         check_region_path(options.gaps, options.files.overwrite)
     if limits.max_altitude is None:
-        limits = replace(limits, max_altitude=MAX_HEIGHT_M)
+        limits = replace(limits, max_altitude=mav.MAX_HEIGHT_M)
     camera = None if poses.camera is None else camera_named(poses.camera)
     zones, notes = zone_polygons(limits)
     area = () if options.regions is None else tuple(open_regions(options.regions).polygons)
@@ -324,7 +310,7 @@ def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:
     if request.dem is None:
         return SafetyCheck(request.safety, request.zones)
-    above_sea = any(item.has_position and item.frame == FRAME_AMSL for item in mission.items)
+    above_sea = any(item.has_position and item.frame == mav.FRAME_AMSL for item in mission.items)
     if above_sea and not request.dem.is_above_sea:
         raise ParameterError(
             f"{request.dem.name} has heights above the ellipsoid and the mission has heights above the sea, "

@@ -49,11 +49,6 @@ class PlanRequest:
             if self.classes is not None and name in self.classes:
                 raise ParameterError(f"the class {name} is to be flown over and kept out of; choose one")
 
-    @property
-    def chooses(self) -> bool:
-        """Whether some regions are left out."""
-        return any(choice is not None for choice in (self.ids, self.largest, self.where))
-
 
 @dataclass(frozen=True)
 class MissionPlan:
@@ -181,7 +176,7 @@ def plan(
         from uavseg.jobs.flights.under_raster import valid_ground, without_edge_regions
     if raster is not None and not request.allow_edge and len(chosen):
         chosen, notes = without_edge_regions(chosen, raster, request.ids, request.where)
-    if request.chooses:
+    if any(choice is not None for choice in (request.ids, request.largest, request.where)):
         chosen = select_regions(chosen, request.ids, request.largest, request.where)
     polygons, points = list(chosen.polygons), _points(chosen)
     flight, home = request.flight, request.home

@@ -8,22 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from uavseg.arrays import GeoDataFrame
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import phase
 from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
 from uavseg.flight.formats import litchi
 from uavseg.flight.mission.items import RallyPoint
 from uavseg.flight.mission.vehicle import Wind, read_vehicle
-from uavseg.flight.params.plan import (
-    COVERING,
-    PARAMS_OF,
-    CorridorParams,
-    LimitParams,
-    PatternParams,
-    PlanParams,
-    SafetyParams,
-    terrain_params,
-)
+from uavseg.flight.params import plan
 from uavseg.jobs.flights.plan import Home, PlanRequest
 from uavseg.options.flights import MissionOptions, PatternOptions, PhotoOptions, PlanOptions, SafetyOptions
 from uavseg.plain_text import shown
@@ -32,8 +24,6 @@ from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_geometries
 
 if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
     from uavseg.jobs.source.source import Source
 
 MAX_GSD_CM = 100.0
@@ -79,7 +69,7 @@ def _home(given: Any) -> Home:
     raise ParameterError(f'home is (lat, lon), (lat, lon, altitude_m) or "auto", not {shown(given)}')
 
 
-def flight_params(options: MissionOptions) -> PlanParams:
+def flight_params(options: MissionOptions) -> plan.PlanParams:
     """Return how to fly; without a pattern, regions are visited, or surveyed with a spacing or a camera.
 
     With a camera, the height follows from the ground sampling distance where that is given, and the spacing
@@ -91,11 +81,11 @@ def flight_params(options: MissionOptions) -> PlanParams:
     pattern, spacing = flight.pattern, flight.spacing
     if pattern is None:
         pattern = "visit" if spacing is None and photos is None else "survey"
-    if photos is not None and pattern in COVERING and 0 < altitude < math.inf:
+    if photos is not None and pattern in plan.COVERING and 0 < altitude < math.inf:
         spacing = photos.spacing_m(altitude) if spacing is None else spacing
     vehicle = flight.vehicle
     limits, terrain = options.limits, options.terrain
-    return PlanParams(
+    return plan.PlanParams(
         altitude_m=altitude,
         pattern=pattern,
         spacing_m=spacing,
@@ -109,7 +99,7 @@ def flight_params(options: MissionOptions) -> PlanParams:
         if isinstance(vehicle, str | os.PathLike)
         else vehicle,
         how=_pattern_params(pattern, options.pattern),
-        limits=LimitParams(
+        limits=plan.LimitParams(
             endurance_min=limits.endurance,
             reserve=limits.reserve,
             max_items=limits.max_items,
@@ -118,12 +108,8 @@ def flight_params(options: MissionOptions) -> PlanParams:
             vehicles=limits.vehicles,
         ),
         safety=safety_params(options.safety),
-        terrain=terrain_params(
-            terrain.dem or None,
-            terrain.terrain,
-            terrain.terrain_tolerance,
-            terrain.climb,
-            terrain.descent,
+        terrain=plan.terrain_params(
+            terrain.dem or None, terrain.terrain, terrain.terrain_tolerance, terrain.climb, terrain.descent
         ),
     )
 
@@ -174,9 +160,9 @@ _FIELDS = {  # of an option about a pattern: the field of its parameters, and th
 }
 
 
-def _pattern_params(pattern: str, options: PatternOptions) -> PatternParams | None:
+def _pattern_params(pattern: str, options: PatternOptions) -> plan.PatternParams | None:
     """Return the parameters of a pattern; None for an unknown one, which is refused elsewhere."""
-    if pattern not in PARAMS_OF:
+    if pattern not in plan.PARAMS_OF:
         return None
     named = {}
     for one in fields(options):
@@ -190,13 +176,13 @@ def _pattern_params(pattern: str, options: PatternOptions) -> PatternParams | No
                 f"{pattern}; leave it out"
             )
         named[name] = value
-    params: PatternParams = PARAMS_OF[pattern](**named)
+    params: plan.PatternParams = plan.PARAMS_OF[pattern](**named)
     return params
 
 
-def safety_params(options: SafetyOptions) -> SafetyParams:
+def safety_params(options: SafetyOptions) -> plan.SafetyParams:
     """Return the margins and limits of a flight."""
-    return SafetyParams(
+    return plan.SafetyParams(
         avoid_margin_m=options.avoid_margin,
         fence_margin_m=options.fence,
         max_altitude_m=options.max_altitude,  # type: ignore[arg-type]
@@ -288,10 +274,10 @@ def open_regions(
     return regions_of_frame(source, widths=widths)
 
 
-def widths_of(flight: PlanParams) -> Widths:
+def widths_of(flight: plan.PlanParams) -> Widths:
     """Return what points and lines of a file of regions are for a flight: visited, followed or left out."""
     how, spacing_m = flight.how, flight.spacing_m or 0.0
-    line_m = (how.width_m or spacing_m / 2) if isinstance(how, CorridorParams) else None
+    line_m = (how.width_m or spacing_m / 2) if isinstance(how, plan.CorridorParams) else None
     use = "visited" if line_m is None else f"flown along, {line_m:g} m wide (--width)"
     left_out = "not flown, as --pattern visit is for points and --pattern corridor for lines"
     return Widths(POINT_M if flight.pattern == "visit" else None, line_m, use, left_out)

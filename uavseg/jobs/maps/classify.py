@@ -1,11 +1,11 @@
 """Classification job: free, unknown and occupied cells of a map of probabilities, and occupied objects."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
@@ -32,9 +32,6 @@ from uavseg.segmentation.states.classify_strips import (
 )
 from uavseg.segmentation.states.state_image import StateImage
 from uavseg.units import OCCUPIED
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field, replace
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._version import __version__
-from uavseg.arrays import Integers
+from uavseg.arrays import GeoDataFrame, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.execution.executors import phase, split_progress
@@ -48,9 +48,6 @@ from uavseg.regions.tiles.class_tiles import ClassesByPixel, ClassOutlines, stit
 from uavseg.segmentation.components import component_sums, label_equal_values
 from uavseg.segmentation.source import GreyTile
 from uavseg.units import CELL
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 Source = Raster | ProbabilityMap
 Kinds = Sequence[tuple[str, str]]  # of changes, each with its colour

@@ -5,12 +5,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 
-from uavseg.arrays import Integers
+from uavseg.arrays import GeoDataFrame, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RegionError
 from uavseg.execution.executors import phase, steps_done
@@ -34,9 +34,6 @@ from uavseg.regions.table import Regions, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 CANNOT_TELL = "cannot tell"
 MAX_EXAMPLES = 500

@@ -52,6 +52,17 @@ def filled(grey: GreySource, outlined: RegionOutlines, area: Area | None, tiles:
     return outlined if found is outlined else replace(found, sums=sum_regions(grey, found, tiles))
 
 
+def outlined_cells(source: Blocks, classes: NDArray[Any], fill_holes: Area | None) -> RegionOutlines:
+    """Outline the cells of a block map that have a class, and fill holes of less than an area."""
+    from uavseg.regions.tiles.class_tiles import outline_block_map, sum_enclosed_cells
+
+    blocks = source.saved.blocks
+    outlined = outline_block_map(blocks, classes)
+    if fill_holes is None:
+        return outlined
+    return sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, fill_holes))
+
+
 @dataclass(frozen=True)
 class Extraction:
     """Regions, and what is needed to describe them and to rasterise them."""

@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
 from html import escape
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -23,20 +24,6 @@ from uavseg.regions.table import Regions
 
 GEOMETRY = "geom"
 _SQL_TYPES = {"i": "INTEGER", "f": "REAL", "O": "TEXT"}  # by `dtype.kind` of numpy
-_WGS84 = (
-    'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563,AUTHORITY["EPSG","7030"]],'
-    'AUTHORITY["EPSG","6326"]],PRIMEM["Greenwich",0,AUTHORITY["EPSG","8901"]],UNIT["degree",'
-    '0.0174532925199433,AUTHORITY["EPSG","9122"]],AXIS["Latitude",NORTH],AXIS["Longitude",EAST],'
-    'AUTHORITY["EPSG","4326"]]'
-)
-_SYSTEM = "coordinate reference system"
-_PLACE = "longitude/latitude coordinates in decimal degrees on the WGS 84 spheroid"
-# Name, number, organisation, its number, definition as WKT 1, description: section 1.1.2.1.2.
-_REQUIRED_SRS = (
-    ("Undefined Cartesian SRS", -1, "NONE", -1, "undefined", f"undefined Cartesian {_SYSTEM}"),
-    ("Undefined geographic SRS", 0, "NONE", 0, "undefined", f"undefined geographic {_SYSTEM}"),
-    ("WGS 84 geodetic", 4326, "EPSG", 4326, _WGS84, _PLACE),
-)
 _NO_SRS = (
     *("Undefined SRS", 99_999, "GDAL", 99_999),
     'LOCAL_CS["Undefined SRS",LOCAL_DATUM["unknown",32767],UNIT["unknown",0],AXIS["Easting",EAST],'
@@ -44,73 +31,6 @@ _NO_SRS = (
     "Custom undefined coordinate reference system",
 )
 _CUSTOM_SRS = 100_000  # the first number of those that no authority has numbered, as of GDAL
-_TABLES = """
-PRAGMA application_id = 0x47504B47;
-PRAGMA user_version = 10200;
-CREATE TABLE gpkg_spatial_ref_sys (
-    srs_name TEXT NOT NULL, srs_id INTEGER NOT NULL PRIMARY KEY, organization TEXT NOT NULL,
-    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
-CREATE TABLE gpkg_contents (
-    table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
-    description TEXT DEFAULT '', last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
-    min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
-    CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
-CREATE TABLE gpkg_ogr_contents (table_name TEXT NOT NULL PRIMARY KEY, feature_count INTEGER DEFAULT NULL);
-CREATE TABLE gpkg_geometry_columns (
-    table_name TEXT NOT NULL, column_name TEXT NOT NULL, geometry_type_name TEXT NOT NULL,
-    srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
-    CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name),
-    CONSTRAINT uk_gc_table_name UNIQUE (table_name),
-    CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
-    CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
-CREATE TABLE gpkg_extensions (
-    table_name TEXT, column_name TEXT, extension_name TEXT NOT NULL, definition TEXT NOT NULL,
-    scope TEXT NOT NULL, CONSTRAINT ge_tce UNIQUE (table_name, column_name, extension_name));
-"""
-_METADATA_TABLES = """
-CREATE TABLE gpkg_metadata (
-    id INTEGER CONSTRAINT m_pk PRIMARY KEY ASC NOT NULL, md_scope TEXT NOT NULL DEFAULT 'dataset',
-    md_standard_uri TEXT NOT NULL, mime_type TEXT NOT NULL DEFAULT 'text/xml',
-    metadata TEXT NOT NULL DEFAULT '');
-CREATE TABLE gpkg_metadata_reference (
-    reference_scope TEXT NOT NULL, table_name TEXT, column_name TEXT, row_id_value INTEGER,
-    timestamp DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')), md_file_id INTEGER NOT NULL,
-    md_parent_id INTEGER, CONSTRAINT crmr_mfi_fk FOREIGN KEY (md_file_id) REFERENCES gpkg_metadata(id),
-    CONSTRAINT crmr_mpi_fk FOREIGN KEY (md_parent_id) REFERENCES gpkg_metadata(id));
-"""
-# Of section F.3, with the names that GDAL gives them; they call functions that an editor of the file has.
-_TRIGGERS = """
-CREATE TRIGGER "rtree_{t}_{g}_insert" AFTER INSERT ON "{t}"
-    WHEN (new."{g}" NOT NULL AND NOT ST_IsEmpty(NEW."{g}"))
-    BEGIN INSERT OR REPLACE INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
-CREATE TRIGGER "rtree_{t}_{g}_update6" AFTER UPDATE OF "{g}" ON "{t}"
-    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
-    AND (OLD."{g}" NOTNULL AND NOT ST_IsEmpty(OLD."{g}"))
-    BEGIN UPDATE "rtree_{t}_{g}" SET minx = ST_MinX(NEW."{g}"), maxx = ST_MaxX(NEW."{g}"),
-    miny = ST_MinY(NEW."{g}"), maxy = ST_MaxY(NEW."{g}") WHERE id = NEW."fid"; END;
-CREATE TRIGGER "rtree_{t}_{g}_update7" AFTER UPDATE OF "{g}" ON "{t}"
-    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
-    AND (OLD."{g}" ISNULL OR ST_IsEmpty(OLD."{g}"))
-    BEGIN INSERT INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
-CREATE TRIGGER "rtree_{t}_{g}_update2" AFTER UPDATE OF "{g}" ON "{t}"
-    WHEN OLD."fid" = NEW."fid" AND (NEW."{g}" ISNULL OR ST_IsEmpty(NEW."{g}"))
-    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid"; END;
-CREATE TRIGGER "rtree_{t}_{g}_update5" AFTER UPDATE ON "{t}"
-    WHEN OLD."fid" != NEW."fid" AND (NEW."{g}" NOTNULL AND NOT ST_IsEmpty(NEW."{g}"))
-    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid";
-    INSERT OR REPLACE INTO "rtree_{t}_{g}" VALUES (NEW."fid", {bounds}); END;
-CREATE TRIGGER "rtree_{t}_{g}_update4" AFTER UPDATE ON "{t}"
-    WHEN OLD."fid" != NEW."fid" AND (NEW."{g}" ISNULL OR ST_IsEmpty(NEW."{g}"))
-    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id IN (OLD."fid", NEW."fid"); END;
-CREATE TRIGGER "rtree_{t}_{g}_delete" AFTER DELETE ON "{t}" WHEN old."{g}" NOT NULL
-    BEGIN DELETE FROM "rtree_{t}_{g}" WHERE id = OLD."fid"; END;
-CREATE TRIGGER "trigger_insert_feature_count_{t}" AFTER INSERT ON "{t}"
-    BEGIN UPDATE gpkg_ogr_contents SET feature_count = feature_count + 1
-    WHERE lower(table_name) = lower('{t}'); END;
-CREATE TRIGGER "trigger_delete_feature_count_{t}" AFTER DELETE ON "{t}"
-    BEGIN UPDATE gpkg_ogr_contents SET feature_count = feature_count - 1
-    WHERE lower(table_name) = lower('{t}'); END;
-"""
 _NEW_BOUNDS = ", ".join(f'ST_{side}(NEW."{GEOMETRY}")' for side in ("MinX", "MaxX", "MinY", "MaxY"))
 # Of a geometry as section 2.1.3 has it: without an extent, and little-endian with the extent in x and y.
 _HEADER = np.dtype(
@@ -131,7 +51,7 @@ def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> Non
         with closing(sqlite3.connect(path, isolation_level=None)) as base:
             base.execute("PRAGMA journal_mode = OFF")  # a file that is not finished is thrown away
             base.execute("PRAGMA synchronous = OFF")  # who moves it to its place syncs it first
-            base.executescript(f"BEGIN; {_TABLES}")
+            base.executescript(f"BEGIN; {_sql('tables')}")
             srs = _add_srs(base, regions.wkt)
             extent = _add_layer(base, regions, layer, srs)
             contents = (layer, "features", layer, "", date, *extent, srs)
@@ -140,11 +60,16 @@ def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> Non
             if regions.metadata:
                 _add_metadata(base, layer, metadata_text(regions.metadata), date)
             add_style(base, regions, layer, GEOMETRY, date)
-            base.executescript(
-                "BEGIN;" + _TRIGGERS.format(t=layer, g=GEOMETRY, bounds=_NEW_BOUNDS) + "COMMIT;"
-            )
+            triggers = _sql("triggers").format(t=layer, g=GEOMETRY, bounds=_NEW_BOUNDS)
+            base.executescript(f"BEGIN; {triggers}COMMIT;")
     except sqlite3.Error as error:
         raise OutputError(f"{path.name} cannot be written ({error}); is the disk full?") from error
+
+
+def _sql(part: str) -> str:
+    """Return the statements of a part: "tables", "metadata" or "triggers"."""
+    file = resources.files("uavseg.regions.formats").joinpath(f"geopackage_{part}.sql")
+    return file.read_text(encoding="utf-8")
 
 
 def _marks(values: Sequence[object]) -> str:
@@ -152,8 +77,7 @@ def _marks(values: Sequence[object]) -> str:
 
 
 def _add_srs(base: sqlite3.Connection, wkt: str | None) -> int:
-    """Add the CRS that is required, and that of the regions; return its number in this file."""
-    base.executemany("INSERT INTO gpkg_spatial_ref_sys VALUES (?, ?, ?, ?, ?, ?)", _REQUIRED_SRS)
+    """Add the CRS of the regions to those that are required; return its number in this file."""
     if wkt is None:
         base.execute(f"INSERT INTO gpkg_spatial_ref_sys VALUES ({_marks(_NO_SRS)})", _NO_SRS)
         return _NO_SRS[1]
@@ -268,7 +192,7 @@ def _geometries(
 
 def _add_metadata(base: sqlite3.Connection, layer: str, text: str, date: str) -> None:
     """Add metadata of the layer, as GDAL has it: XML of its own, in the extension of section F.8."""
-    base.executescript(f"BEGIN; {_METADATA_TABLES}")
+    base.executescript(f"BEGIN; {_sql('metadata')}")
     for table in ("gpkg_metadata", "gpkg_metadata_reference"):
         _add_extension(base, table, None, "gpkg_metadata", "metadata", "read-write")
     xml = (

@@ -12,12 +12,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.executors import steps_done
@@ -30,9 +31,6 @@ from uavseg.regions.shapes import batch_slices
 from uavseg.regions.table import COLUMNS, VALUE_COLUMNS, Regions
 from uavseg.regions.wgs84.to_wgs84 import cut_at_antimeridian
 from uavseg.warning_filters import changing_filters
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 REPAIR_TOLERANCE = 0.01  # largest relative change of a polygon's area by its repair
 KML_FIELDS = {
