@@ -187,9 +187,11 @@ class Expression:
             for start in range(0, len(found), CHUNK):
                 part = slice(start, start + CHUNK)
                 floats = [_in_units(plane[part], *scale) for plane, scale in zip(flat, scales, strict=True)]
-                bands = {name: floats[k] for name, k in self.names}
-                found[part] = _Bands(self.text, bands).evaluate(_parse(self.text))
+                found[part] = self._run(floats)
         return values
+
+    def _run(self, bands: Sequence[Array]) -> Any:
+        return _Bands(self.text, {name: bands[k] for name, k in self.names}).evaluate(_parse(self.text))
 
 
 def _in_units(plane: Array, scale: float, offset: float) -> NDArray[np.float64]:
