@@ -236,7 +236,7 @@ def test_a_block_map_answers_for_its_part(kind: str, tmp_path: Path) -> None:
     run("extract", blocks, "--range", "0.5,1", "-o", str(tmp_path / "a.geojson"), "-q")
     run("extract", raster, *part, "--range", "0.5,1", "-o", str(tmp_path / "b.geojson"), "-q")
     assert features(tmp_path / "a.geojson") == features(tmp_path / "b.geojson") != []
-    with pytest.raises(UavsegError, match=r"uavseg divide --bounds.*; leave aoi out"):
+    with pytest.raises(UavsegError, match=r"uavseg divide takes these.*; leave aoi out"):
         uavseg.extract(blocks, (0.5, 1), aoi=area)
     if kind == "aoi":  # a file that the block map names is not opened where that is not allowed
         elsewhere = tmp_path / "elsewhere"
@@ -316,6 +316,13 @@ def test_a_raster_without_crs_takes_an_area_without_one(tmp_path: Path) -> None:
     write_area(tmp_path / "utm.gpkg", shapely.box(5e5 + 10, 5e6 - 30, 5e5 + 40, 5e6 - 10))
     with pytest.raises(UavsegError, match="has a CRS and the raster has none"):
         pixels(raster, aoi=str(tmp_path / "utm.gpkg"))
+
+
+def test_a_file_of_regions_has_no_part(tmp_path: Path) -> None:
+    area = write_area(tmp_path / "area.gpkg", shapely.box(0, 0, 1, 1))
+    for how in ({"bounds": (0, 0, 1, 1)}, {"aoi": area}):
+        with pytest.raises(UavsegError, match="bounds, aoi and skip_bad_tiles are for rasters"):
+            uavseg.info(area, **how)  # type: ignore[arg-type]
 
 
 def test_an_area_is_not_replaced(tmp_path: Path) -> None:

@@ -144,7 +144,7 @@ def test_both_faces_write_the_same(tmp_path: Path) -> None:
         ({"speed": 0}, "speed is a whole number of per cent from 1 to 99, not 0"),
         ({"speed": 100}, "speed is a whole number of per cent"),
         ({"regions": "far.gpkg"}, "no region touches m"),
-        ({"regions": "utm.gpkg"}, "the regions have a CRS and m"),
+        ({"regions": "utm.gpkg"}, "utm.gpkg has a CRS and the raster has none"),
         ({"regions": "gone.gpkg"}, "gone.gpkg does not exist"),
         ({"map": "gone.yaml"}, "gone.yaml"),
         ({"map": "m.pgm"}, "m.pgm is a picture"),

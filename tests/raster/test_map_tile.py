@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from affine import Affine
 from rasterio.enums import ColorInterp
 
@@ -150,3 +152,26 @@ def test_there_is_no_tile_beside_a_raster(tmp_path: Path) -> None:
 
 def test_arrays_have_no_tiles() -> None:
     assert not has_map_tiles(open_raster(np.zeros((70, 70), np.uint8)).dataset)
+
+
+@pytest.mark.parametrize("kind", ["bounds", "area"])
+def test_of_a_part_there_are_the_pixels_that_are_read(kind: str, tmp_path: Path) -> None:
+    image = some(1, low=1)
+    path = write(tmp_path / "a.tif", image)
+    with rasterio.open(path) as file:
+        (west, north), (east, south) = file.transform @ (60, 50), file.transform @ (200, 180)
+    area = shapely.Point((west + east) / 2, (north + south) / 2).buffer((east - west) / 3)
+    geopandas.GeoDataFrame(geometry=[area], crs=3857).to_file(tmp_path / "area.gpkg")
+    part = {"bounds": (west, south, east, north), "area": None}[kind]
+    options = ReadOptions(bounds=part, aoi=tmp_path / "area.gpkg" if kind == "area" else None)
+    dataset = open_raster(path, options).dataset
+    _, valid = dataset.read(Window(0, 0, *dataset.geobox.shape))
+    x, y = ~file.transform @ (dataset.geobox.transform.c, dataset.geobox.transform.f)
+    here = Window(round(y) - 20, round(x) - 30, *dataset.geobox.shape).slices
+    expected = np.zeros((256, 256), bool)
+    expected[here] = True if valid is None else valid
+    found = read_map_tile(dataset, (ZOOM, *TILE))
+    assert found is not None and 5000 < expected.sum() < 256 * 256
+    assert np.array_equal(found[1], expected)
+    assert np.array_equal(found[0][0][expected], image[0, 20 : 20 + 256, 30 : 30 + 256][expected])
+    assert read_map_tile(dataset, (ZOOM, TILE[0] + 1, TILE[1])) is None  # the raster reaches there

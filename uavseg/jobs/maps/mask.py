@@ -1,6 +1,7 @@
 """Masks of Nav2's costmap filters: regions of a map that a robot keeps out of, or in which it is slower."""
 
 import os
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -16,31 +17,7 @@ from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map, 
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.formats.read import read_local_regions, read_regions, regions_of_frame
-from uavseg.regions.sample.place import to_pixels
-
-_PARAMS = """\
-# Parameters of Nav2 for this mask; add the two servers to a lifecycle manager, and the filter to a costmap.
-{kind}_filter_mask_server:
-  ros__parameters:
-    yaml_filename: "{file}"  # write its whole path here
-    topic_name: {kind}_filter_mask
-{kind}_costmap_filter_info_server:
-  ros__parameters:
-    type: {number}
-    filter_info_topic: {kind}_costmap_filter_info
-    mask_topic: {kind}_filter_mask
-    base: {base}
-    multiplier: {multiplier}
-global_costmap:
-  global_costmap:
-    ros__parameters:
-      filters: [{kind}_filter]
-      {kind}_filter:
-        plugin: "nav2_costmap_2d::{plugin}"
-        enabled: true
-        filter_info_topic: {kind}_costmap_filter_info
-"""
+from uavseg.regions.sample.place import polygons_on
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +42,10 @@ class FilterMask:
         kind, number, base, multiplier, plugin = "keepout", 0, 0.0, 1.0, "KeepoutFilter"
         if self.speed is not None:
             kind, number, base, multiplier, plugin = "speed", 1, 100.0, -1.0, "SpeedFilter"
-        text = _PARAMS.format(
+        template = (
+            resources.files("uavseg.jobs.maps").joinpath("nav2_filter.yaml").read_text(encoding="utf-8")
+        )
+        text = template.format(
             kind=kind, file=Path(path).name, number=number, base=base, multiplier=multiplier, plugin=plugin
         )
         write_ros_percent(path, self.values, self.geobox, overwrite)
@@ -87,30 +67,19 @@ def mask(regions: Any, map_: Any, speed: int | None = None, layer: str | None = 
 
     `regions` is a file of polygons (a layer of it) or a GeoDataFrame, `map_` a source of
     `open_probability_map`, of which only the grid counts. A ParameterError says that `speed` is no per cent,
-    a RegionError that the regions cannot be read, a MapError that they have another kind of coordinates than
-    the map or do not touch it.
+    a MapError that the regions do not touch the map; other errors are those of `polygons_on`.
     """
     if speed is not None and not (isinstance(speed, int) and 0 < speed < 100):
         raise ParameterError(f"speed is a whole number of per cent from 1 to 99, not {speed}")
     source = map_of(open_probability_map(map_), "name the map that it was made from")
     geobox, name = source.geobox, source.name
     check_cells(geobox.shape, name)
-    local = geobox.crs is None
-    if not isinstance(regions, str | os.PathLike):
-        found = regions_of_frame(regions, local)
-    else:
-        found = read_local_regions(regions, layer) if local else read_regions(regions, layer)
-    if local and found.wkt is not None:
-        raise MapError(
-            f"the regions have a CRS and {name} has none; give them in the map's coordinates, without a CRS"
-        )
-    polygons = to_pixels(np.asarray(found.polygons), geobox, found.wkt)
+    polygons, notes = polygons_on(geobox, regions, layer)
     rows, cols = geobox.shape
     touching = shapely.intersects(polygons, shapely.box(0, 0, cols, rows))
     if not touching.any():
         raise MapError(f"no region touches {name}; give regions in the map's coordinates")
     beyond = np.count_nonzero(~shapely.contains(shapely.box(0, 0, cols, rows), polygons))
-    notes = list(found.metadata.get("notes", []))
     if beyond:
         notes.append(f"{beyond:,} of {len(polygons):,} regions reach beyond {name}, where the mask ends")
     inside = pixels_inside(polygons[touching], Window(0, 0, rows, cols), touched=True)

@@ -12,8 +12,7 @@ from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import PixelMask, Window, tiles
 from uavseg.raster.read.dataset import Dataset
-from uavseg.regions.formats.read import read_local_regions, read_regions
-from uavseg.regions.sample.place import extent, to_pixels
+from uavseg.regions.sample.place import extent, polygons_on, to_pixels
 from uavseg.warning_filters import changing_filters
 
 _TILE = 2048  # pixels: side of the windows in which polygons are drawn
@@ -23,8 +22,7 @@ def clipped(dataset: Dataset, options: ReadOptions) -> Dataset:
     """Return the pixels of a raster whose centres lie within the bounds and the area of interest of options.
 
     The raster ends at the bounding box of these; further pixels beyond the area count as nodata. A
-    ParameterError says that no pixel is left, or that of the raster and the file of polygons one alone has a
-    CRS, a RegionError that the file cannot be read.
+    ParameterError says that no pixel is left; errors of the file of polygons are those of `polygons_on`.
     """
     geobox, area = dataset.geobox, None
     window = Window(0, 0, *geobox.shape)
@@ -34,7 +32,7 @@ def clipped(dataset: Dataset, options: ReadOptions) -> Dataset:
         area = None if geobox.transform.b == 0 == geobox.transform.d else box
     warnings = dataset.warnings
     if options.aoi is not None:
-        polygons, notes = _polygons(str(options.aoi), geobox)
+        polygons, notes = polygons_on(geobox, options.aoi)
         warnings = (*warnings, *notes)
         window = _within(window, polygons, f"the area of interest {options.aoi}", geobox)
         area = polygons if area is None else shapely.intersection(polygons, area)
@@ -43,18 +41,6 @@ def clipped(dataset: Dataset, options: ReadOptions) -> Dataset:
     if outside is not None and outside.covers(Window(0, 0, window.rows, window.cols)):
         raise ParameterError("no pixel has its centre within --bounds and --aoi; give a larger area")
     return replace(dataset, mosaic=dataset.mosaic.cut(window), outside=outside, warnings=warnings)
-
-
-def _polygons(name: str, geobox: GeoBox) -> tuple[NDArray[np.object_], list[str]]:
-    """Read polygons, in the pixels of a raster, with notes."""
-    regions = read_local_regions(name) if geobox.crs is None else read_regions(name)
-    if geobox.crs is None and regions.wkt is not None:
-        raise ParameterError(
-            f"{name} has a CRS and the raster has none, so where it lies is unknown; give an area without "
-            "one, in the raster's coordinates"
-        )
-    polygons = to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
-    return polygons, list(regions.metadata.get("notes", []))
 
 
 def _within(window: Window, area: NDArray[np.object_], name: str, geobox: GeoBox) -> Window:
@@ -75,21 +61,14 @@ def _within(window: Window, area: NDArray[np.object_], name: str, geobox: GeoBox
 
 def _outside(area: NDArray[np.object_], window: Window) -> PixelMask:
     """Return the pixels of a window, counted from its first one, whose centres are in no polygon."""
-    parts = tiles((window.rows, window.cols), _TILE)
-    first = np.array([(part.col + window.col, part.row + window.row) for part in parts], float).T
-    size = np.array([(part.cols, part.rows) for part in parts], float).T
-    boxes, tree = shapely.box(*first, *(first + size)), shapely.STRtree(area)
-    whole = set(tree.query(boxes, "within")[0].tolist())
-    touched: dict[int, list[int]] = {}
-    for k, one in zip(*tree.query(boxes, "intersects").tolist(), strict=True):
-        touched.setdefault(k, []).append(one)
-
-    def outside(k: int) -> PixelMask:
-        part = parts[k]
+    shape, tree = (window.rows, window.cols), shapely.STRtree(area)
+    found = []
+    for part in tiles(shape, _TILE):
         placed = replace(part, row=part.row + window.row, col=part.col + window.col)
-        near = area[touched.get(k, [])]
-        inside = pixels_inside(near, placed) if len(near) else np.zeros((part.rows, part.cols), bool)
-        return PixelMask.of(~inside)
-
-    kept = (k for k in range(len(parts)) if k not in whole)
-    return PixelMask.joined((window.rows, window.cols), ((parts[k], outside(k)) for k in kept))
+        corner = placed.col + placed.cols, placed.row + placed.rows
+        box = shapely.box(placed.col, placed.row, *corner)
+        near = area[tree.query(box, "intersects")]
+        if len(tree.query(box, "within")) == 0:  # else no pixel is outside
+            inside = pixels_inside(near, placed) if len(near) else np.zeros((part.rows, part.cols), bool)
+            found.append((part, PixelMask.of(~inside)))
+    return PixelMask.joined(shape, found)

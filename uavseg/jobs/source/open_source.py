@@ -175,7 +175,7 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     why = "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
     _refuse(options, why, "flatten")
-    _refuse(options, "a block map is of the whole of its raster (uavseg divide --bounds)", "bounds", "aoi")
+    _refuse(options, "a block map is answered as a whole (uavseg divide takes these)", "bounds", "aoi")
     return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 

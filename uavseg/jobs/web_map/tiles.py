@@ -47,7 +47,7 @@ def has_map_tiles(dataset: Dataset) -> bool:
 def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:
     """Read the values of a tile and where they are valid; of several files the first valid pixel wins.
 
-    The dataset is one of `has_map_tiles`, whose collar is not valid. None where no pixel is.
+    The dataset is one of `has_map_tiles`, whose masks are not valid. None where no pixel is.
     """
     tile: Tile | None = None
     for file in dataset.mosaic.files:
@@ -63,13 +63,12 @@ def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:
             tile = np.where(valid, values, part[0]), valid | part[1]
         if tile[1].all():
             break
-    if tile is None or dataset.collar is None:
-        return tile
-    values, valid = tile
-    below = tile_pixels(dataset.geobox, place)
-    if below is None:
+    below = tile_pixels(dataset.geobox, place)  # of files a part may be read
+    if tile is None or below is None:
         return None
-    valid = valid & below.inside & ~dataset.collar.at(below.rows, below.cols)
+    values, valid = tile[0], tile[1] & below.inside
+    for mask in dataset.masks:
+        valid &= ~mask.at(below.rows, below.cols)
     return (values, valid) if valid.any() else None
 
 

@@ -270,7 +270,8 @@ class Dataset:
         return self.mosaic.files[0].name
 
     @property
-    def _masks(self) -> list[PixelMask]:
+    def masks(self) -> list[PixelMask]:
+        """Pixels that count as nodata, whatever the files say: the collar, and what is beyond an area."""
         return [mask for mask in (self.collar, self.outside) if mask is not None]
 
     @property
@@ -291,7 +292,7 @@ class Dataset:
     @checked
     def is_empty(self, window: Window) -> bool:
         """Return whether no pixel of `window` is valid, as far as is known without decoding."""
-        if any(mask.covers(window) for mask in self._masks):
+        if any(mask.covers(window) for mask in self.masks):
             return True
         return all(
             file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
@@ -319,7 +320,7 @@ class Dataset:
         else:
             shape = (window.rows, window.cols)
             values, valid = self._parts.merge(shape, self.mosaic.parts(window), self.dtype)
-        for mask in self._masks:
+        for mask in self.masks:
             if mask.touches(window):
                 valid = without(valid, mask.read(window))
         return values, valid
@@ -348,7 +349,7 @@ class Dataset:
         transform = scaled(self.geobox.transform, rows / shape[0], cols / shape[1])
         values, valid = self._parts.merge(shape, self.mosaic.coarse_parts(shape), self.dtype)
         sampled = sample_positions(0, rows, shape[0]), sample_positions(0, cols, shape[1])
-        for mask in self._masks:
+        for mask in self.masks:
             valid = without(valid, mask.sample(*sampled))
         return values, valid, GeoBox(shape, transform, self.geobox.crs)
 

@@ -1,6 +1,7 @@
 """Sample areas: discs, files of polygons, and the masks of the pixels that they cover."""
 
 import math
+import os
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, SampleError
+from uavseg.errors import ParameterError, RegionError, SampleError
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import Window
@@ -187,6 +188,31 @@ def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.obje
         )
     regions = read_regions(name)
     return regions, to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
+
+
+def polygons_on(
+    geobox: GeoBox, source: Any, layer: str | None = None
+) -> tuple[NDArray[np.object_], list[str]]:
+    """Read polygons from a file (a layer of it) or a GeoDataFrame, in pixels of a grid, with notes.
+
+    On a grid without a CRS they have its coordinates. A RegionError says that they cannot be read, or that
+    one of the two alone has a CRS.
+    """
+    from uavseg.regions.formats.read import read_local_regions, read_regions, regions_of_frame
+
+    local = geobox.crs is None
+    if not isinstance(source, str | os.PathLike):
+        regions = regions_of_frame(source, local)
+    else:
+        regions = read_local_regions(source, layer) if local else read_regions(source, layer)
+    if local and regions.wkt is not None:
+        name = source if isinstance(source, str | os.PathLike) else "the frame"
+        raise RegionError(
+            f"{name} has a CRS and the raster has none, so where it lies is unknown; give polygons without "
+            "one, in the raster's coordinates"
+        )
+    polygons = to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
+    return polygons, list(regions.metadata.get("notes", []))
 
 
 def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = None) -> NDArray[np.object_]:
