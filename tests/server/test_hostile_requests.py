@@ -149,7 +149,7 @@ def test_hostile_requests_leave_it_answering(count: int, server: MapServer) -> N
         found = answer_to(hostile(draw, token, port), port)
         answered += found.startswith(b"HTTP/1.0 ")
         assert not found or found.startswith((b"HTTP/1.0 ", b"{", b"<")), found[:80]
-        assert b"root:x" not in found
+        assert b"root:" not in found
         assert b" 500 " not in found.split(b"\r\n", 1)[0], found[:300]
         assert b"Traceback" not in found
     assert answered > count / 2

@@ -26,7 +26,7 @@ class FilterMask:
 
     values: NDArray[
         np.uint8
-    ]  # (rows, cols): 0 outside of regions; inside 100, or 100 less the per cent of speed
+    ]  # (rows, cols): 0 outside of regions; inside 100, less the speed if there is one
     geobox: GeoBox
     speed: int | None  # per cent of the robot's largest speed; None: it keeps out
     regions: int
@@ -42,10 +42,8 @@ class FilterMask:
         kind, number, base, multiplier, plugin = "keepout", 0, 0.0, 1.0, "KeepoutFilter"
         if self.speed is not None:
             kind, number, base, multiplier, plugin = "speed", 1, 100.0, -1.0, "SpeedFilter"
-        template = (
-            resources.files("uavseg.jobs.maps").joinpath("nav2_filter.yaml").read_text(encoding="utf-8")
-        )
-        text = template.format(
+        template = resources.files("uavseg.jobs.maps").joinpath("nav2_filter.yaml")
+        text = template.read_text(encoding="utf-8").format(
             kind=kind, file=Path(path).name, number=number, base=base, multiplier=multiplier, plugin=plugin
         )
         write_ros_percent(path, self.values, self.geobox, overwrite)

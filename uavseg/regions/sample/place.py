@@ -2,7 +2,7 @@
 
 import math
 import os
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import shapely
@@ -13,11 +13,10 @@ from uavseg.errors import ParameterError, RegionError, SampleError
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
 from uavseg.raster.grid.tiling import Window
+from uavseg.regions.formats.read import read_local_regions, read_regions, regions_of_frame
+from uavseg.regions.table import Regions
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
-
-if TYPE_CHECKING:
-    from uavseg.regions.table import Regions
 
 MAX_SAMPLE_PIXELS = 1 << 24  # of the bounding box of a sample, which is held in memory
 _CORNERS = 256  # of the polygon that approximates a disc
@@ -177,10 +176,8 @@ def disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 
-def _read_polygons(name: str, geobox: GeoBox) -> "tuple[Regions, NDArray[np.object_]]":
+def _read_polygons(name: str, geobox: GeoBox) -> tuple[Regions, NDArray[np.object_]]:
     """Read regions, and their polygons in the pixels of a raster."""
-    from uavseg.regions.formats.read import read_regions
-
     if geobox.wkt is None:
         raise SampleError(
             f"the raster has no CRS, so the position of {name} in it is unknown; "
@@ -198,8 +195,6 @@ def polygons_on(
     On a grid without a CRS they have its coordinates. A RegionError says that they cannot be read, or that
     one of the two alone has a CRS.
     """
-    from uavseg.regions.formats.read import read_local_regions, read_regions, regions_of_frame
-
     local = geobox.crs is None
     if not isinstance(source, str | os.PathLike):
         regions = regions_of_frame(source, local)

@@ -10,7 +10,9 @@ class RegionList {
     Object.assign(this, {page, color});
     this.summary = make("p");
     this.items = make("div", {className: "list"});
-    this.parts = new IntersectionObserver((seen) => seen.forEach((one) => this.fill(one)), {root: this.items, rootMargin: "300px"});
+    const near = {rootMargin: "300px"};
+    near.root = this.items;
+    this.parts = new IntersectionObserver((seen) => seen.forEach((one) => this.fill(one)), near);
     const all = make("button", {type: "button", textContent: "All"});
     const none = make("button", {type: "button", textContent: "None"});
     const save = make("button", {type: "button", textContent: "Download chosen"});
