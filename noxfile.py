@@ -121,7 +121,7 @@ def honest(session: nox.Session) -> None:
 
 @nox.session
 def distributions(session: nox.Session) -> None:
-    """The wheels and the sdist hold each file of the package; two of them are installed, and run alike."""
+    """The wheels and the sdist hold each file of the package; two are installed, and write the same."""
     folder = Path(session.create_tmp()).resolve() / "distributions"
     found = built(session, folder)
     if len({installed_job(session, file) for file in found[:2]}) != 1:

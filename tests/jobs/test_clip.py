@@ -308,10 +308,10 @@ def test_a_raster_without_crs_takes_an_area_without_one(tmp_path: Path) -> None:
     assert pixels(raster, aoi=str(path))[1].sum() == 60 * 40
     with warnings.catch_warnings(action="ignore"):
         write_area(tmp_path / "local.geojson", shapely.box(5e5 + 10, 5e6 - 30, 5e5 + 40, 5e6 - 10), epsg=None)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         found = uavseg.extract(raster, (0, 1), aoi=str(tmp_path / "local.geojson"), stretch="dtype")
-    assert any("coordinates of GeoJSON, which are degrees elsewhere" in str(one.message) for one in told)
+    assert any("coordinates of GeoJSON, which are degrees elsewhere" in str(one.message) for one in caught)
     assert found["pixels"].sum() == 60 * 40
     write_area(tmp_path / "utm.gpkg", shapely.box(5e5 + 10, 5e6 - 30, 5e5 + 40, 5e6 - 10))
     with pytest.raises(UavsegError, match="has a CRS and the raster has none"):

@@ -16,7 +16,7 @@ def _parameter(default: Any, description: str) -> Any:
 
 @dataclass(frozen=True)
 class NodeParams:
-    """What the node is told by its parameters; wrong values raise ParameterError."""
+    """Parameters of the node, by name; wrong values raise ParameterError."""
 
     base_frame: str = _parameter("base_link", "Frame of the robot; its origin is the start of paths.")
     map_transient_local: bool = _parameter(
