@@ -145,8 +145,8 @@ def size_notes(content: bytes) -> list[str]:
     if len(content) <= _LARGE_BYTES:
         return []
     return [
-        f"the page has {len(content) / 1e6:.0f} MB, which is slow on a telephone: a smaller --size, or fewer "
-        "or simplified regions make it smaller"
+        f"the page has {len(content) / 1e6:.0f} MB, slow on a telephone: a smaller --size, and regions "
+        "extracted with --min-area and --simplify make it smaller, uavseg serve needs no file"
     ]
 
 

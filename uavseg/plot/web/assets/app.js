@@ -27,6 +27,15 @@
     toggle.ariaExpanded = String(!document.body.classList.toggle("closed"));
     map.invalidateSize();
   };
+  addEventListener("keydown", ({key}) => { if (key === "Escape") map.closePopup(); }); // Leaflet hears it on the map alone
+  // Leaflet's buttons are links to "#", which Space does not press.
+  map.getContainer().addEventListener("keydown", (event) => {
+    if (event.key !== " " || !event.target.matches("a[role='button']")) return;
+    event.preventDefault();
+    event.target.click();
+  });
+  // A link to "#close" is a link to a place of the page, which is not there.
+  map.on("popupopen", ({popup}) => popup.getElement().querySelector("a[href='#close']")?.setAttribute("href", "#"));
   addPosition(page);
   missionPanes(map);
   let ranged = null; // the slider is above lists, which may be long

@@ -3,6 +3,7 @@
 
 const PART = 50; // rows that are made together, when the list is scrolled near them
 const ROW_PX = 45;
+const BUTTONS_PX = 112; // the height of the buttons over the map, below which popups lie
 
 class RegionList {
   /** `page` has the map, its layer switch and the panel. */
@@ -43,7 +44,7 @@ class RegionList {
 
   bind(feature, shape) {
     this.shapes.set(feature, shape);
-    shape.bindPopup(() => this.popup(feature), {maxWidth: 300, autoPanPadding: [20, 20]});
+    shape.bindPopup(() => this.popup(feature), {maxWidth: 300, autoPanPaddingTopLeft: [20, BUTTONS_PX], autoPanPaddingBottomRight: [20, 20]});
   }
 
   popup(feature) {
@@ -131,8 +132,14 @@ class RegionList {
     const go = make("button", {type: "button", textContent: `${nameOf(feature)}: ${areaOf(feature)}`});
     go.onclick = () => {
       this.layer.addTo(this.page.map);
-      this.page.map.fitBounds(this.shapes.get(feature).getBounds(), {maxZoom: 20, padding: [40, 40]});
-      this.shapes.get(feature).openPopup();
+      const shape = this.shapes.get(feature);
+      // Without animation: a popup that opens while the map moves is not brought into view.
+      this.page.map.fitBounds(shape.getBounds(), {maxZoom: 20, padding: [40, 40], animate: false});
+      shape.openPopup();
+      shape.getPopup().getElement().querySelector("input").focus({preventScroll: true});
+      shape.once("popupclose", ({popup}) => {
+        if (popup.getElement().contains(document.activeElement)) go.focus({preventScroll: true});
+      });
     };
     return make("li", {}, make("label", {}, box), go);
   }
