@@ -1,4 +1,4 @@
-"""The pages of `uavseg map` and `uavseg serve` by axe-core, by keys and by touch, on a telephone and a desktop."""
+"""The pages of `map` and `serve` by axe-core, by keys and by touch, on a telephone and a desktop."""
 
 import json
 import os

@@ -136,7 +136,7 @@ class RegionList {
       // Without animation: a popup that opens while the map moves is not brought into view.
       this.page.map.fitBounds(shape.getBounds(), {maxZoom: 20, padding: [40, 40], animate: false});
       shape.openPopup();
-      shape.getPopup().getElement().querySelector("input").focus({preventScroll: true});
+      shape.getPopup().getElement().querySelector(".leaflet-popup-close-button").focus({preventScroll: true});
       shape.once("popupclose", ({popup}) => {
         if (popup.getElement().contains(document.activeElement)) go.focus({preventScroll: true});
       });
