@@ -121,7 +121,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         beliefs[40:70, 40:110], beliefs[100:, :60] = 0.9, 0.5
         write("map.tif", beliefs, transform=Affine(0.1, 0, 0, 0, -0.1, 14))
         write("utm_map.tif", beliefs, **UTM)
-        write("ground.tif", (400 + 90 * beliefs).astype(np.float32), **UTM)
+        # A flight turns outside of its regions.
+        around = {"transform": UTM["transform"] @ Affine.translation(-20, -20)}
+        write("ground.tif", np.pad((400 + 90 * beliefs).astype(np.float32), 20, "edge"), **(UTM | around))
         write("percent.tif", np.rint(beliefs * 100).astype(np.uint8), **UTM)
         states = np.searchsorted([0.498, 0.502], beliefs) + 1
         write_ros_map("ros.yaml", states, local_geobox(SHAPE, 0.1, (0, 0)))
@@ -132,8 +134,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("gone.tif", patches(5), nodata=0, **UTM)
         assert done(main, ["divide", "gone.tif", "-o", "lost.tif"]).exit_code == 0
         Path("gone.tif").unlink()
-        assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.geojson"]).exit_code == 0
-        assert done(main, ["extract", "tile.tif", "--range", "0.5,1", "-o", "regions.gpkg"]).exit_code == 0
+        bright = ["extract", "tile.tif", "--range", "0.5,1"]
+        few = ["--bounds", "400120,4999720,400340,4999850", "--fill-holes", "20px"]  # a survey soon ends
+        assert done(main, [*bright, *few, "-o", "regions.geojson"]).exit_code == 0
+        assert done(main, [*bright, "-o", "regions.gpkg"]).exit_code == 0
+        wall = [[[0, 0], [0.9, 0], [0.9, 0.1], [0, 0.1]], [[0.4, 0.4], [0.6, 0.4], [0.6, 0.6], [0.4, 0.6]]]
+        room = {"map": {"rows": 50, "cols": 50, "cell": 0.02}, "polygons": wall, "sensor": {"sigma": 0.03}}
+        Path("room.json").write_text(json.dumps(room | {"poses": [{"at": [0.2, 0.8]}]}))
         Path("weak.json").write_text('{"hover_w": 900, "cruise_w": 800, "battery_wh": 9}')
         geopandas.read_file("regions.gpkg").head(2).to_file("two.gpkg", layer="a")
         geopandas.read_file("regions.gpkg").tail(2).to_file("two.gpkg", layer="b")
@@ -947,10 +954,10 @@ def test_next_views(source: str, words: Words) -> None:
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
-        ("lens", {"range": 1.0, "step": 2.0}),
+        ("room.json", {"range": 0.5, "step": 2.0}),
         (
-            "lens",
-            {"range": 1.0, "step": 2.0, "fov": 60.0, "seed": 3, "clearance": 0.05, "start": (0.2, 0.2, 45.0)},
+            "room.json",
+            {"range": 0.5, "step": 2.0, "fov": 60.0, "seed": 3, "clearance": 0.05, "start": (0.2, 0.2, 45.0)},
         ),
         ("ros.yaml", {"range": 3.0, "step": 2.0, "start": (1.05, 12.05)}),
         ("ros.yaml", {"start": (1.05, 12.05)}),
@@ -1000,7 +1007,7 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
-    ("regions.geojson", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
+    ("regions.gpkg", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
     ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
     ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
     ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
@@ -1124,8 +1131,20 @@ def test_missions_over_what_is_extracted(words: Words) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".kmz", ".csv", ".kml", ".geojson", ".plan"])
-@pytest.mark.parametrize("words", [{"spacing": 15}, {"camera": "matrice 30"}, {"camera": "phantom 4 rtk"}])
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        pytest.param(words, suffix, marks=pytest.mark.thorough if n and suffix not in checked else [])
+        for n, (words, checked) in enumerate(
+            [
+                ({"spacing": 15}, ()),
+                ({"camera": "matrice 30"}, (".kmz", ".csv")),
+                ({"camera": "phantom 4 rtk"}, (".kmz", ".plan")),
+            ]
+        )
+        for suffix in (".kmz", ".csv", ".kml", ".geojson", ".plan")
+    ],
+)
 def test_files_of_missions(words: Words, suffix: str) -> None:
     editable = ["--editable"] * (suffix == ".plan")
     of_kmz: Words = {"lens": "zoom,ir", "turn": "through"} if suffix == ".kmz" else {}

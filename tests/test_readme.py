@@ -56,10 +56,11 @@ def outputs(page: str) -> set[str]:
 
 @pytest.mark.slow
 def test_the_commands_of_the_readme_run(tmp_path: Path) -> None:
-    run(README, tmp_path)
+    ran = os.environ.get("UAVSEG_README_RAN")  # a folder in which they ran already
+    folder = Path(ran) if ran else run(README, tmp_path)
     assert len(outputs(README)) > 6
     for written in outputs(README):
-        assert (tmp_path / written).stat().st_size > 0
+        assert (folder / written).stat().st_size > 0
 
 
 @pytest.mark.slow

@@ -128,7 +128,7 @@ def test_the_output_does_not_depend_on_the_hash_seed(fresh: Iterator[Path]) -> N
     found = []
     for seed in ("1", "2"):
         folder = next(fresh)
-        options = ["-o", "a.gpkg", "--labels", "a.tif", "--mission", "a.plan", *HOME, "--spacing", "9"]
+        options = ["-o", "a.gpkg", "--labels", "a.tif", "--mission", "a.plan", *HOME, "--spacing", "40"]
         command = [sys.executable, "-m", "uavseg", "extract", str(QUARRY), *RANGE, "-q", *options]
         how = os.environ | {"PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed}
         subprocess.run(command, check=True, cwd=folder, env=how, timeout=120)
