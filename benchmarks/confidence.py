@@ -31,8 +31,7 @@ from scipy import ndimage
 
 from benchmarks import table
 from benchmarks.quality.scenes import FAMILIES, Scene, draw
-from benchmarks.textures import FAMILIES as FAMILIES_OF_TEXTURE
-from benchmarks.textures import scene
+from benchmarks.textures import FAMILIES as FAMILIES_OF_TEXTURE, scene
 from uavseg.jobs.match.by_classes import alike, learn_classes, outlines_by_classes
 from uavseg.jobs.match.by_texture import outlines_by_texture, parting_of, search_texture
 from uavseg.jobs.match.match import learn, outlines_by_color, similarity_of

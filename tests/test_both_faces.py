@@ -32,8 +32,7 @@ from uavseg.flight.formats import files
 from uavseg.flight.link import link
 from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
-from uavseg.jobs.maps.build_map import SimulateRequest
-from uavseg.jobs.maps.build_map import simulate as simulate_job
+from uavseg.jobs.maps.build_map import SimulateRequest, simulate as simulate_job
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
 from uavseg.occupancy.map_file import write_states

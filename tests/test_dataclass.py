@@ -9,8 +9,7 @@ from functools import cached_property
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.dataclass import dataclass as ours
 

@@ -5,8 +5,7 @@ import struct
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import RasterReadError, UavsegError
 from uavseg.plain_text import MAX_MESSAGE, cause_of, first_of, one_line, shown

@@ -10,47 +10,42 @@ from typing import TYPE_CHECKING, Any
 from uavseg._version import __version__
 
 if TYPE_CHECKING:
-    from uavseg.api.each import each as each
-    from uavseg.api.each import extract_to as extract_to
-    from uavseg.api.exploration import explore as explore
-    from uavseg.api.exploration import next_views as next_views
-    from uavseg.api.maps import build_map as build_map
-    from uavseg.api.maps import classify as classify
-    from uavseg.api.maps import compare as compare
-    from uavseg.api.maps import mask as mask
-    from uavseg.api.maps import merge_maps as merge_maps
-    from uavseg.api.maps import path as path
-    from uavseg.api.missions import check as check
-    from uavseg.api.missions import download as download
-    from uavseg.api.missions import plan as plan
-    from uavseg.api.missions import resume as resume
-    from uavseg.api.missions import upload as upload
-    from uavseg.api.pages import map_page as map_page
-    from uavseg.api.pages import serve as serve
-    from uavseg.api.photographs import footprints as footprints
-    from uavseg.api.photographs import georeference as georeference
+    from uavseg.api.each import each as each, extract_to as extract_to
+    from uavseg.api.exploration import explore as explore, next_views as next_views
+    from uavseg.api.maps import (
+        build_map as build_map,
+        classify as classify,
+        compare as compare,
+        mask as mask,
+        merge_maps as merge_maps,
+        path as path,
+    )
+    from uavseg.api.missions import (
+        check as check,
+        download as download,
+        plan as plan,
+        resume as resume,
+        upload as upload,
+    )
+    from uavseg.api.pages import map_page as map_page, serve as serve
+    from uavseg.api.photographs import footprints as footprints, georeference as georeference
     from uavseg.api.preview import preview as preview
-    from uavseg.api.questions import info as info
-    from uavseg.api.questions import match as match
-    from uavseg.api.questions import suggest as suggest
-    from uavseg.api.rasters import divide as divide
-    from uavseg.api.rasters import extract as extract
-    from uavseg.api.rasters import levels as levels
-    from uavseg.api.recognition import describe as describe
-    from uavseg.api.recognition import recognise as recognise
+    from uavseg.api.questions import info as info, match as match, suggest as suggest
+    from uavseg.api.rasters import divide as divide, extract as extract, levels as levels
+    from uavseg.api.recognition import describe as describe, recognise as recognise
     from uavseg.api.widget import RangeWidget as RangeWidget
     from uavseg.errors import UavsegError as UavsegError
     from uavseg.flight.params.plan import PlanParams as PlanParams
-    from uavseg.jobs.install.doctor import doctor as doctor
-    from uavseg.jobs.install.doctor import warm_up as warm_up
+    from uavseg.jobs.install.doctor import doctor as doctor, warm_up as warm_up
     from uavseg.occupancy.mapping.grid import OccupancyGrid as OccupancyGrid
-    from uavseg.occupancy.mapping.scan import Pose as Pose
-    from uavseg.occupancy.mapping.scan import Scan as Scan
+    from uavseg.occupancy.mapping.scan import Pose as Pose, Scan as Scan
     from uavseg.raster.grid.geobox import GeoBox as GeoBox
     from uavseg.raster.read.dataset import Dataset as Dataset
     from uavseg.regions.outline.trace import trace as trace
-    from uavseg.segmentation.params.segment import IntensityRange as IntensityRange
-    from uavseg.segmentation.params.segment import StateLimits as StateLimits
+    from uavseg.segmentation.params.segment import (
+        IntensityRange as IntensityRange,
+        StateLimits as StateLimits,
+    )
 
 _NAMES = {
     "api.rasters": "extract divide levels",

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.filters import threshold_otsu
 from skimage.restoration import denoise_tv_chambolle
-from skimage.segmentation import chan_vese as chan_vese_of
-from skimage.segmentation import felzenszwalb, random_walker, slic
+from skimage.segmentation import chan_vese as chan_vese_of, felzenszwalb, random_walker, slic
 
 from benchmarks.quality.camera import Mask
 from benchmarks.quality.planes import Plane

@@ -13,8 +13,7 @@ import rasterio
 from hypothesis import given, settings
 from hypothesis.strategies import integers
 
-from benchmarks import __main__ as command
-from benchmarks import data, paths, robot, scale, startup, table
+from benchmarks import __main__ as command, data, paths, robot, scale, startup, table
 from benchmarks.competitors import COMPETITORS, Competitor, Job, select_competitors
 from benchmarks.decode import decoding_s
 from benchmarks.measure import CommandError, Cost, Outcome, cost, run_competitors

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.discs import __main__ as discs
-from benchmarks.discs import methods
+from benchmarks.discs import __main__ as discs, methods
 from benchmarks.discs.scenes import FAMILIES, GROUND_DISCS, SEEDS, scene
 from benchmarks.match import cooccurrence, disc_of, overlap
 from benchmarks.samples import Samples

@@ -5,8 +5,7 @@ from functools import partial
 from operator import add, mul
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.execution.checkpoint import fingerprint
 from uavseg.execution.executors import LazySequence, lazy_selection

@@ -1,8 +1,7 @@
 """Missions along a line."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from tests.flight.small_regions import box, planned
 from uavseg.flight.mission.items import CHANGE_SPEED, RETURN, TAKEOFF, WAYPOINT

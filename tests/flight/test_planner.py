@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from pyproj import Geod
 
 from tests.flight.small_regions import HOME, box, degrees, inside, plan_mission, planned, waypoints

@@ -2,8 +2,7 @@
 
 import numpy as np
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.camera.camera import Camera, Photos

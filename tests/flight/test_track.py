@@ -5,8 +5,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.mission.track import HOVER_S, SAME_PLACE_M, Plane, Track

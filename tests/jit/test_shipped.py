@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 import uavseg
-from build_kernels import elf
-from build_kernels import libraries as build
+from build_kernels import elf, libraries as build
 from uavseg._jit import compiling, shipped, warming
 from uavseg._jit.kernels import Kernel
 

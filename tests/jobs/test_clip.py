@@ -12,8 +12,7 @@ import rasterio
 import shapely
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 from rasterio.features import geometry_mask

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import rasterio.features
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from rasterio.crs import CRS
 from rasterio.warp import Resampling, reproject
 

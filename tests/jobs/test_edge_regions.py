@@ -6,8 +6,7 @@ import rioxarray  # noqa: F401 - DataArray.rio
 import shapely
 import xarray
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from rasterio.crs import CRS
 
 import uavseg

@@ -12,8 +12,7 @@ import pytest
 import rasterio
 import shapely
 from affine import Affine
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
+from hypothesis import example, given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError, RasterError

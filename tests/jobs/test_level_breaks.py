@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.jobs.ranges.level_breaks import quantile_breaks
 from uavseg.segmentation.params.segment import Breaks

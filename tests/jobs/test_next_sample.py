@@ -11,8 +11,7 @@ import pytest
 import rasterio
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 import uavseg

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 

@@ -9,8 +9,7 @@ import pytest
 import rasterio
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 import uavseg
 from uavseg.cli import main

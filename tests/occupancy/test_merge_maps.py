@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 import rasterio.warp
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 

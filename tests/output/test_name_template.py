@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import OutputError
 from uavseg.output.targets import check_distinct_outputs, fill_template, outputs_of

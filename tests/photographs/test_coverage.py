@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from matplotlib.path import Path as Outline
 
 from tests.flight.small_regions import box, degrees, inside

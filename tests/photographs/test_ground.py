@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from tests.photographs.dems import LAT, LON, write_dem
 from tests.photographs.make import ground_lonlat

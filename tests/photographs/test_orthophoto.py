@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import rasterio
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from pyproj import Transformer
 from rasterio.warp import Resampling, reproject
 from scipy.interpolate import RectBivariateSpline

@@ -1,8 +1,7 @@
 """Scale bar and north arrow: round lengths and readable units."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.plot.page import page as map_furniture
 

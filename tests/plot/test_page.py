@@ -5,8 +5,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.plot.pictures import UTM
 from uavseg.errors import OutputError, OutputExistsError

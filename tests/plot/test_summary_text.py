@@ -1,7 +1,6 @@
 """Bars of the text report: as long as their share, to an eighth of a character."""
 
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.plot.summary_text import text_bar
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import rasterio
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.errors import ParameterError, RasterError, RasterReadError, UavsegError
 from uavseg.raster.access.opening import MAX_OPEN, absolute_path

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from rasterio.crs import CRS
 from rasterio.transform import xy
 

@@ -5,8 +5,7 @@ from contextlib import chdir
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.access import allowing
 from uavseg.errors import AccessError, RasterReadError

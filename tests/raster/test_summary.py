@@ -10,8 +10,7 @@ import pyproj
 import pytest
 import rasterio
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.execution.executors import threads
 from uavseg.jobs.info import info, open_to_describe

@@ -5,8 +5,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy.ndimage import gaussian_filter
 
 import uavseg

@@ -2,8 +2,7 @@
 
 import numpy as np
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.regions.shapes import RaggedPolygons, as_multipolygons
 

@@ -3,8 +3,7 @@
 import bisect
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.regions.smooth.arcs import lower_bound, sorted_unique
 

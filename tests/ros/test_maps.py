@@ -13,8 +13,7 @@ import rasterio
 import shapely
 import yaml
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 from uavseg_ros import maps

@@ -1,8 +1,7 @@
 """Sums of components are those of plain loops, and those of tiles add up."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.components import component_sums, label_components

@@ -1,8 +1,7 @@
 """Dilation is the maximum over a square."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy import ndimage
 
 from uavseg.segmentation.blocks.dilation import dilate

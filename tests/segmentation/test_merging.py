@@ -1,8 +1,7 @@
 """Merging joins whole adjacent regions, keeps their histograms, and stops later with a larger stop."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.lbpc import _merge_regions
 

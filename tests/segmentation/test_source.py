@@ -1,8 +1,7 @@
 """A tile of grey is the raster with zeros around it."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from tests.segmentation.in_memory_dataset import field_of, source_of

@@ -1,8 +1,7 @@
 """Requests that are refused: other hosts, origins and methods, without the token, with large bodies."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.server.local_server import MAX_BODY, Answer, Gate
 

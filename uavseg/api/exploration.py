@@ -10,10 +10,8 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
-from uavseg.jobs.maps.explore import Explored, explore_request
-from uavseg.jobs.maps.explore import explore as run_explore
-from uavseg.jobs.maps.next_view import NextViews, view_request
-from uavseg.jobs.maps.next_view import next_views as run_next_views
+from uavseg.jobs.maps.explore import Explored, explore as run_explore, explore_request
+from uavseg.jobs.maps.next_view import NextViews, next_views as run_next_views, view_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.options.maps import ExploreOptions, NextViewOptions
 from uavseg.options.option import build

@@ -12,13 +12,9 @@ from uavseg.arguments import checked
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Vehicle
-from uavseg.jobs.flights.check import MissionCheck, check_request
-from uavseg.jobs.flights.check import check as run_check
-from uavseg.jobs.flights.link import LinkRequest, Progress
-from uavseg.jobs.flights.link import download as run_download
-from uavseg.jobs.flights.link import upload as run_upload
-from uavseg.jobs.flights.plan import MissionPlan
-from uavseg.jobs.flights.plan import plan as run_plan
+from uavseg.jobs.flights.check import MissionCheck, check as run_check, check_request
+from uavseg.jobs.flights.link import LinkRequest, Progress, download as run_download, upload as run_upload
+from uavseg.jobs.flights.plan import MissionPlan, plan as run_plan
 from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
 from uavseg.jobs.flights.resume import resume as run_resume
 from uavseg.jobs.source.open_source import open_source

@@ -11,9 +11,11 @@ from uavseg.api._values import progress_of, warn
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
-from uavseg.jobs.flights.photographs import Georeferenced
-from uavseg.jobs.flights.photographs import footprints as run_footprints
-from uavseg.jobs.flights.photographs import georeference as run_georeference
+from uavseg.jobs.flights.photographs import (
+    Georeferenced,
+    footprints as run_footprints,
+    georeference as run_georeference,
+)
 from uavseg.options.option import build
 from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 

@@ -11,15 +11,13 @@ from uavseg.api._values import is_given, regions_of, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.info import info as run_info
-from uavseg.jobs.info import info_regions, names_regions, open_to_describe
+from uavseg.jobs.info import info as run_info, info_regions, names_regions, open_to_describe
 from uavseg.jobs.match.ranges_of_sample import SampleRange, ranges_of_sample
 from uavseg.jobs.match.request import Ask
 from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_all_bands, open_source
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.suggest import Suggestion
-from uavseg.jobs.suggest import suggest as run_suggest
+from uavseg.jobs.suggest import Suggestion, suggest as run_suggest
 from uavseg.options.option import build
 from uavseg.options.regions import InfoOptions, MatchOptions, SuggestOptions
 from uavseg.raster.summary import Summary

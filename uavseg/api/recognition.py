@@ -10,9 +10,7 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
-from uavseg.jobs.maps.recognition import Description
-from uavseg.jobs.maps.recognition import described as run_describe
-from uavseg.jobs.maps.recognition import recognised as run_recognise
+from uavseg.jobs.maps.recognition import Description, described as run_describe, recognised as run_recognise
 from uavseg.options.maps import DescribeOptions, RecogniseOptions
 from uavseg.options.option import build
 

@@ -17,8 +17,7 @@ from uavseg.execution.executors import steps_done
 from uavseg.flight.camera.camera import BLUR_PX, NADIR_DEG, Camera
 from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, ROI_LOCATION
-from uavseg.flight.mission.mission import Ground as Below
-from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.mission import Ground as Below, Mission
 from uavseg.flight.mission.track import Plane
 from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.photographs.ground import Ground

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.pixel_regions import pixel_region
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes

@@ -2,8 +2,7 @@
 
 import numpy as np
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.flight.avoid.free_space import Edges, cheapest, shortest_paths
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from pyproj import Geod
 
 from tests.flight.fences import FENCE, RALLY

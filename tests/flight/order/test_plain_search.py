@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.order.test_tour import near_stops, random_stops
 from uavseg.flight.order import tour as searched

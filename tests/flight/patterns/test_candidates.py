@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.small_regions import box, inside, planned, waypoints
 from uavseg.flight.camera.camera import Camera, Overlap, Photos

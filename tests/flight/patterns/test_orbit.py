@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from uavseg.flight.camera.camera import Camera, Overlap, Photos

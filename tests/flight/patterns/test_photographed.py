@@ -2,8 +2,7 @@
 
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from tests.flight.patterns.photographed import photographs

@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from tests.flight.patterns.photographed import Photograph, photographs
 from tests.flight.small_regions import HOME, box, degrees, flights, inside, planned
-from tests.flight.terrain.dems import HOME as DEM_HOME
-from tests.flight.terrain.dems import draw, hills
+from tests.flight.terrain.dems import HOME as DEM_HOME, draw, hills
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.camera.camera import Camera, Overlap, Photos
 from uavseg.flight.formats.files import read_mission, write_mission

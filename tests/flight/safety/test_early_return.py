@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.small_regions import HOME, box, flights, planned
 from uavseg.flight.mission.track import Plane

@@ -2,8 +2,7 @@
 
 import numpy as np
 import shapely
-from hypothesis import assume, given
-from hypothesis import strategies as st
+from hypothesis import assume, given, strategies as st
 
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.safety.keep_out import near_zones

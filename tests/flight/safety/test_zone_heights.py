@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.mission_items import waypoint
 from tests.flight.safety.test_keep_out import blob, path

@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from tests.flight.terrain.dems import HOME, cone, draw, hills, plane
 from tests.flight.terrain.flights import PLANE, flown, follow, track

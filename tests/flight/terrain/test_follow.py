@@ -6,8 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 from tests.flight.terrain.dems import HOME, Surface, cliff, cone, draw, hills, noise, plane, write
 from tests.flight.terrain.flights import GEOD, PLANE, TRIGGERS, ZIGZAG, flown, follow, slopes, track

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 import shapely
 
-from tests.flight.small_regions import degrees
-from tests.flight.small_regions import planned as over_regions
+from tests.flight.small_regions import degrees, planned as over_regions
 from tests.flight.terrain.dems import HOME, draw, plane, write
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.mission.track import Plane

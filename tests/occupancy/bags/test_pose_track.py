@@ -4,8 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.occupancy.bags.frames import MAX_GAP_NS, PoseLog, PoseTrack
 from uavseg.occupancy.mapping.sensor_messages import heading_of

@@ -5,8 +5,7 @@ from collections.abc import Iterator
 from itertools import accumulate, repeat, takewhile
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.ndimage import label
 
 from uavseg.occupancy.explore.frontiers import (

@@ -6,8 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan

@@ -1,8 +1,7 @@
 """Grey maps: cell sums follow the grey, and each change log has the changes since it was read."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.occupancy.mapping.pending import SELF, GreyMap

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping.grid import OccupancyGrid

@@ -1,8 +1,7 @@
 """Pending updates: offsets name each cell once, and the largest count leads to the minimum."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, add_one_free
 from uavseg.occupancy.mapping.pending import (

@@ -1,8 +1,7 @@
 """Bitmaps: every cell in its bit, transposition, dead-end filling."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from uavseg.occupancy.paths.bitmap import fill_dead_ends, pack_mask, transpose_bitmap

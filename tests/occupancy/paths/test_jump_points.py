@@ -1,8 +1,7 @@
 """The heuristic of the search: the octile cost is exact without obstacles, and consistent."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.occupancy.paths.astar import DIAGONAL, STRAIGHT, octile_cost, shortest_path
 

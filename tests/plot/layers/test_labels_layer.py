@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.plot.layers.maps import BOX, LOCAL, MOST, beliefs, rgb, write
 from uavseg.errors import RasterError

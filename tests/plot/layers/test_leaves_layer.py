@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.plot.layers.maps import BOX, LOCAL, MOST, UTM, rgb, write
 from uavseg.errors import ParameterError, RasterError

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.plot.pictures import NORTH_UP, UTM, box_of, colored, middle_of, table, write
 from uavseg.errors import UavsegError

@@ -11,8 +11,7 @@ import rasterio
 from affine import Affine
 
 import uavseg
-from tests.plot.web.test_in_browser import CHROMIUM, NODE, has_playwright
-from tests.plot.web.test_in_browser import pytestmark as pytestmark
+from tests.plot.web.test_in_browser import CHROMIUM, NODE, has_playwright, pytestmark as pytestmark
 
 KINDS = ("worker", "slow", "without", "refused")
 SHAPE = (960, 1120)

@@ -16,8 +16,7 @@ import rasterio
 import shapely
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from pyproj import Geod
 from rasterio.crs import CRS
 

@@ -11,8 +11,7 @@ pytest.importorskip("pytest_qgis")
 
 from qgis.core import QgsProcessingFeedback, QgsSettings
 
-from qgis_uavseg import install as installing
-from qgis_uavseg import program
+from qgis_uavseg import install as installing, program
 from qgis_uavseg.options_page import InstallTask, ProgramPanel
 from qgis_uavseg.process import Cancelled
 

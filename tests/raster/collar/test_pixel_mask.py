@@ -1,8 +1,7 @@
 """Two-level masks give back the pixels that they were made from, by window, by sample and in tiles."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.grid.tiling import PixelMask, Window, tiles

@@ -1,8 +1,7 @@
 """The spread agrees with scipy's propagation and chessboard distance."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from scipy import ndimage
 
 from uavseg.raster.collar.flood import UNREACHED, distances, flood

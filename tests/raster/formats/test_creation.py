@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import rasterio
 from affine import Affine
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import ParameterError
 from uavseg.raster.formats.creation import CreationOptions, creation_for

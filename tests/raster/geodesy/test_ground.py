@@ -7,9 +7,7 @@ import numpy as np
 import pyproj
 import pytest
 from affine import Affine
-from hypothesis import given
-from hypothesis import settings as checked
-from hypothesis import strategies as st
+from hypothesis import given, settings as checked, strategies as st
 from rasterio.crs import CRS
 
 from uavseg.raster.grid import ground

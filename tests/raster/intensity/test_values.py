@@ -7,8 +7,7 @@ from math import inf, isnan
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
+from hypothesis import assume, given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.errors import ParameterError

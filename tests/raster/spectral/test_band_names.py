@@ -1,8 +1,7 @@
 """Bands by name: names of files and of users, and which band a name stands for."""
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import BandError, ParameterError, UavsegError
 from uavseg.raster.spectral.band_names import common_names, find_band, listed, names_of, renamed

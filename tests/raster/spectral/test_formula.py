@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import arrays
 
 from uavseg.errors import BandError, MosaicError, ParameterError, RasterError, UnchosenBandsError

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from rasterio.windows import Window as FileWindow
 
 from uavseg.errors import RasterError, RasterReadError

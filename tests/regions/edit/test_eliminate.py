@@ -7,8 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from affine import Affine
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from rasterio.crs import CRS
 from scipy.ndimage import label as connected

@@ -7,8 +7,7 @@ import pyarrow.parquet
 import pyogrio
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 from pyproj import CRS
 
 from uavseg.regions.formats import export

@@ -1,8 +1,7 @@
 """Decimal text: as Python formats the same numbers, for any degrees of the globe."""
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.raster.geodesy.globe import MAX_DECIMALS, MIN_DECIMALS
 from uavseg.regions.formats.text_writers import degree_words, pack_words, unpack_lines, write_degrees

@@ -12,8 +12,7 @@ import pyogrio
 import pyproj
 import pytest
 import shapely
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.errors import OutputError
 from uavseg.regions.formats import geopackage

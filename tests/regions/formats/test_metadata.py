@@ -13,8 +13,7 @@ import rasterio
 import shapely
 from affine import Affine
 from click.testing import CliRunner
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
+from hypothesis import HealthCheck, given, settings, strategies as st
 
 import uavseg
 from uavseg.cli import main

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import shapely
 from click.testing import CliRunner
-from hypothesis import given
-from hypothesis import strategies as st
+from hypothesis import given, strategies as st
 
 from uavseg.cli import main
 from uavseg.raster.geodesy.globe import WGS84

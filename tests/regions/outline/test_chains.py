@@ -1,8 +1,7 @@
 """Chains of tiles: closed within a tile, open at its borders, each with its continuation in another tile."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.grid.tiling import Window

@@ -1,8 +1,7 @@
 """Region outlines: sums merge by adding, and regions are numbered by their size."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.raster.grid.tiling import Window

@@ -1,8 +1,7 @@
 """Stitching: tiles of any size give the outlines and sums of the whole image."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import label as connected
 

@@ -1,8 +1,7 @@
 """Arcs: the same corners in the same order from both rings that share them."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.rings import Rings

@@ -1,8 +1,7 @@
 """Nodes are the pixel corners where three or four boundaries meet."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.trace import trace

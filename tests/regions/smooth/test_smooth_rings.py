@@ -1,8 +1,7 @@
 """Smooth rings: arcs have keys, and may be left on the pixel edges one by one."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.regions.outline.trace import trace

@@ -5,8 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from tests.segmentation.in_memory_dataset import field_of, source_of
 from uavseg.execution.executors import serial, threads

@@ -3,8 +3,7 @@
 import numpy as np
 import pyproj
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.errors import OutputError
 from uavseg.regions.shapes import RaggedPolygons

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, cells_with_mean_in_range, count_cell_pairs

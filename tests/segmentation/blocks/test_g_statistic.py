@@ -4,8 +4,7 @@ from math import comb
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from scipy.stats import chi2_contingency
 
 from uavseg.segmentation.blocks.g_statistic import N_LN_N, expected_g, g_statistic, n_ln_n, n_ln_n_table

@@ -1,8 +1,7 @@
 """Texture of means of 2 x 2: against a slow plain version, and of the image of means."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
 from uavseg.segmentation.blocks.lbp import (

@@ -1,8 +1,7 @@
 """Classification with further bands is that of a plain version, and of the grey where a band is the grey."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
 from uavseg.segmentation.sample.pixel_decision import (

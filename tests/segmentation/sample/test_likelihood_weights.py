@@ -4,8 +4,7 @@ from math import floor, log
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import min_count

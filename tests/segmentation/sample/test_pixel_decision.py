@@ -1,8 +1,7 @@
 """Classification of pixels agrees with a plain version, and a halo is enough for a tile."""
 
 import numpy as np
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.blocks.lbp import UNCOUNTED
 from uavseg.segmentation.sample.g_scores import TextureModel

@@ -16,8 +16,7 @@ from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
-from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey
-from uavseg.flight.cover.survey import surveys as cover_region
+from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey, surveys as cover_region
 from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.track import HOVER_S, Track
 from uavseg.flight.mission.vehicle import default_vehicle

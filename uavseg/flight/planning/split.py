@@ -11,8 +11,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Track, leg_lengths
-from uavseg.flight.order.division import MAX_REGIONS as MAX_REORDERED
-from uavseg.flight.order.division import Pieces, order_of_regions
+from uavseg.flight.order.division import MAX_REGIONS as MAX_REORDERED, Pieces, order_of_regions
 from uavseg.flight.order.tour import Stops, short_tour
 
 Costs = Callable[[Track], tuple[Floats, Floats]]

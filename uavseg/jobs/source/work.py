@@ -7,8 +7,7 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import Map, Progress, decided, serial, usable_cores
-from uavseg.execution.executors import threads as thread_pool
+from uavseg.execution.executors import Map, Progress, decided, serial, threads as thread_pool, usable_cores
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.segmentation.blocks.block_map import check_memory

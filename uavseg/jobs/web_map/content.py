@@ -24,8 +24,7 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid, ground_grid
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import DatasetOverview
-from uavseg.segmentation.blocks.leaves import STEPS as STEPS
-from uavseg.segmentation.blocks.leaves import leaf_codes
+from uavseg.segmentation.blocks.leaves import STEPS as STEPS, leaf_codes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.units import CELL
 from uavseg.warning_filters import changing_filters
