@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import rasterio
+import yaml
 from affine import Affine
 from click.testing import CliRunner, Result
 from pyproj import Geod, Transformer
@@ -276,3 +277,20 @@ def test_what_a_kml_cannot_show_is_a_note() -> None:
     ).output
     assert "note: the altitude of home is not given, so that the .kml draws heights above the ground" in said
     assert "a library warns" not in said
+
+
+def test_waypoints_are_the_corners_of_the_line(folder: Path) -> None:
+    ways = (*RANGE, "--start", "5,60", "--goal", "60,4", "--smooth")
+    found("local.tif", *ways, "-o", "path.geojson")
+    found("local.tif", *ways, "-o", "path.yaml")
+    line = json.loads(Path("path.geojson").read_text())["features"][0]["geometry"]["coordinates"]
+    poses = yaml.safe_load(Path("path.yaml").read_text())["waypoints"].values()
+    assert len(line) > 2 and [pose["pose"][:2] for pose in poses] == line
+
+
+def test_waypoints_are_those_of_a_map_without_a_crs(folder: Path) -> None:
+    ways = (*RANGE, "--start", "400005,4999996", "--goal", "400010,4999990")
+    found("rooms.tif", *ways, "-o", "path.geojson")
+    result = run("rooms.tif", *ways, "-o", "path.yaml")
+    assert result.exit_code == 1 and "without a CRS" in result.stderr and result.stderr.count("\n") == 1
+    assert not Path("path.yaml").exists()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from uavseg.flight.params.plan import PlanParams
     from uavseg.jobs.maps.path import PathFound
 
-_LINES = (".geojson", ".json")
+_LINES = (".geojson", ".json", ".yaml", ".yml")
 
 
 @job_command("explore", ExploreOptions)
@@ -114,7 +114,8 @@ def path(options: PathOptions) -> None:
     """
     from uavseg.jobs.maps.path import path, path_request
     from uavseg.jobs.source.open_source import open_probability_map
-    from uavseg.occupancy.paths.path_geojson import check_path_crs, path_lonlat, path_to_geojson
+    from uavseg.occupancy.paths import path_geojson
+    from uavseg.occupancy.ros.ros_map import is_ros_map
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages, options.progress)
@@ -125,7 +126,9 @@ def path(options: PathOptions) -> None:
         check_target(output, overwrite)
     write.keep_inputs([output], options.map_)
     source = open_probability_map(options.map_, options.read)
-    check_path_crs(source.geobox)
+    path_geojson.check_path_crs(source.geobox)
+    if is_ros_map(output) and source.geobox.crs is not None:
+        raise OutputError(f"{output}: waypoints are metres of a map without a CRS; name a .geojson")
     if flight is not None and source.geobox.crs is None:
         why = "the map has no CRS, so nobody knows where to fly"
         raise MissionError(f"{why}; give it one with gdal_edit.py -a_srs")
@@ -133,11 +136,12 @@ def path(options: PathOptions) -> None:
     reporter.finish(found.warnings)
     mission, unwritten = None, []
     if flight is None or options.home is None:
-        write.write_text(output, path_to_geojson(found.path), overwrite)
+        as_text = path_geojson.path_to_waypoints if is_ros_map(output) else path_geojson.path_to_geojson
+        write.write_text(output, as_text(found.path), overwrite)
     else:
         from uavseg.flight.planning.along import fly_along
 
-        lon, lat = path_lonlat(found.path)
+        lon, lat = path_geojson.path_lonlat(found.path)
         home = (float(lat[0]), float(lon[0])) if isinstance(options.home, str) else options.home
         mission = fly_along(lon, lat, flight, home)
         unwritten = write.write_mission_output(mission, output, overwrite)
@@ -159,7 +163,7 @@ def _flight(options: PathOptions) -> "PlanParams | None":
     try:
         files.check_mission_format(output)
     except MissionError:
-        formats = ".geojson, .json, .plan, .waypoints, .kmz, .csv or .kml"
+        formats = ".geojson, .json, .yaml, .plan, .waypoints, .kmz, .csv or .kml"
         raise OutputError(f"{output}: a path is written to {formats}") from None
     if options.altitude is None:
         raise ParameterError("a mission needs --altitude, in metres above home")

@@ -128,7 +128,7 @@ class PathOptions(TiledJobOptions):
         label="Pull the path tight, at any angle",
     )
     output: str = output_option(
-        "The path: .geojson; as a mission .plan, .waypoints, .kmz, .csv or .kml; - is GeoJSON on stdout.",
+        "The path: .geojson (- too), Nav2's waypoints .yaml, a mission .plan, .waypoints, .kmz, .csv, .kml.",
         "PATH",
     )
     refine: str | None = option(

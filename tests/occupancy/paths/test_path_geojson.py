@@ -1,4 +1,4 @@
-"""Paths as GeoJSON: on the ground where they are planned, split at the antimeridian."""
+"""Paths as GeoJSON: on the ground where they are planned, split at the antimeridian; and as waypoints."""
 
 import json
 from itertools import pairwise
@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from affine import Affine
 from hypothesis import given, settings, strategies as st
 from pyproj import Geod
@@ -13,7 +14,12 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputError
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.occupancy.paths.path_geojson import check_path_crs, path_lonlat, path_to_geojson
+from uavseg.occupancy.paths.path_geojson import (
+    check_path_crs,
+    path_lonlat,
+    path_to_geojson,
+    path_to_waypoints,
+)
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import line_length
 
@@ -89,3 +95,27 @@ def test_a_map_of_the_moon_has_no_degrees_of_the_earth() -> None:
         check_path_crs(GeoBox((9, 9), Affine(1, 0, 0, 0, -1, 9), moon))
     for crs in (None, WGS84):
         check_path_crs(GeoBox((9, 9), Affine(1, 0, 0, 0, -1, 9), crs))
+
+
+@settings(max_examples=60)
+@given(
+    st.lists(st.tuples(st.integers(0, 99), st.integers(0, 199)), min_size=1, max_size=12, unique=True),
+    st.floats(0.01, 2),
+    st.floats(-3, 3),
+)
+def test_waypoints_lie_at_the_corners_and_head_for_the_next(
+    corners: list[tuple[int, int]], side: float, turn: float
+) -> None:
+    place = Affine.rotation(np.degrees(turn)) @ Affine.translation(-3, 7) @ Affine.scale(side, -side)
+    path = planned(corners, GeoBox((100, 200), place, None))
+    poses = list(yaml.safe_load(path_to_waypoints(path))["waypoints"].items())
+    assert [name for name, _ in poses] == [f"waypoint{n}" for n in range(len(corners))]
+    positions = np.array([pose["pose"] for _, pose in poses])
+    assert np.abs(positions[:, :2] - path.xy).max() < 1e-8 and not positions[:, 2].any()
+    w, x, y, z = np.array([pose["orientation"] for _, pose in poses]).T
+    assert not x.any() and not y.any()
+    ahead = np.stack([w * w - z * z, 2 * w * z], axis=1)  # the axis x of the robot, turned by the quaternion
+    legs = np.diff(path.xy, axis=0)
+    expected = legs / np.hypot(*legs.T)[:, None] if len(legs) else np.array([[1.0, 0.0]])
+    assert np.abs(ahead[: len(expected)] - expected).max() < 1e-6
+    assert np.abs(ahead[-1] - expected[-1]).max() < 1e-6

@@ -1,4 +1,4 @@
-"""A planned path as GeoJSON (RFC 7946): one LineString with its attributes, split at the antimeridian."""
+"""A planned path as GeoJSON (RFC 7946), split at the antimeridian, and as waypoints of Nav2."""
 
 import json
 from collections.abc import Iterable
@@ -9,6 +9,7 @@ import numpy as np
 from uavseg.arrays import Floats
 from uavseg.errors import OutputError, RasterError
 from uavseg.occupancy.paths.find_path import PlannedPath
+from uavseg.occupancy.ros.ros_map import ros_yaml_text
 from uavseg.raster.geodesy.globe import decimals_for, densify_line, split_at_antimeridian, wrap_lon_beyond_180
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
@@ -55,6 +56,23 @@ def path_to_geojson(path: PlannedPath) -> str:
         "region": path.region,
     }
     return feature_collection([(properties, line_geometry(path))])
+
+
+def path_to_waypoints(path: PlannedPath) -> str:
+    """Write the corners as the YAML file of waypoints that Nav2's panel in RViz loads and follows.
+
+    Positions are metres in the frame "map"; orientations are quaternions w, x, y, z. Each heads for the next
+    corner, the last as the leg before. The format is that of ``nav2_rviz_plugins/src/nav2_panel.cpp`` in
+    ros-navigation/navigation2.
+    """
+    headings = np.arctan2(*np.diff(path.xy, axis=0).T[::-1])
+    halves = np.append(headings, headings[-1:] if len(headings) else 0.0) / 2
+    turns = np.stack([np.cos(halves), np.sin(halves)], axis=1).round(9).tolist()
+    poses = [
+        {"pose": [x, y, 0.0], "orientation": [w, 0.0, 0.0, z]}
+        for (x, y), (w, z) in zip(path.xy.round(9).tolist(), turns, strict=True)
+    ]
+    return ros_yaml_text({"waypoints": {f"waypoint{n}": pose for n, pose in enumerate(poses)}})
 
 
 def feature_collection(features: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> str:
