@@ -88,7 +88,13 @@ def test_files_that_a_page_names_exist(page: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
+@pytest.mark.parametrize(
+    "page",
+    [  # the tutorial is run with a wheel by `nox -s distributions`
+        pytest.param(page, id=page.stem, marks=pytest.mark.thorough if page.stem == "tutorial" else [])
+        for page in RUN
+    ],
+)
 def test_the_commands_of_a_page_print_the_documented_output(page: Path) -> None:
     ran = subprocess.run(
         [sys.executable, str(ROOT / "docs" / "run.py"), "--check", str(page)], capture_output=True, text=True
