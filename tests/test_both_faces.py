@@ -36,7 +36,7 @@ from uavseg.jobs.maps.build_map import SimulateRequest, simulate as simulate_job
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
 from uavseg.occupancy.map_file import write_states
-from uavseg.occupancy.paths.path_geojson import path_to_geojson
+from uavseg.occupancy.paths.path_text import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions

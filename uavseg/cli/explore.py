@@ -82,7 +82,7 @@ def next_view(options: NextViewOptions) -> None:
     """
     from uavseg.jobs.maps.next_view import next_views, view_request
     from uavseg.jobs.source.open_source import open_probability_map
-    from uavseg.occupancy.paths.path_geojson import check_path_crs
+    from uavseg.occupancy.paths.path_text import check_path_crs
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages, options.progress)
@@ -114,7 +114,7 @@ def path(options: PathOptions) -> None:
     """
     from uavseg.jobs.maps.path import path, path_request
     from uavseg.jobs.source.open_source import open_probability_map
-    from uavseg.occupancy.paths import path_geojson
+    from uavseg.occupancy.paths import path_text
     from uavseg.occupancy.ros.ros_map import is_ros_map
     from uavseg.output.atomic import check_target
 
@@ -126,7 +126,7 @@ def path(options: PathOptions) -> None:
         check_target(output, overwrite)
     write.keep_inputs([output], options.map_)
     source = open_probability_map(options.map_, options.read)
-    path_geojson.check_path_crs(source.geobox)
+    path_text.check_path_crs(source.geobox)
     if is_ros_map(output) and source.geobox.crs is not None:
         raise OutputError(f"{output}: waypoints are metres of a map without a CRS; name a .geojson")
     if flight is not None and source.geobox.crs is None:
@@ -136,12 +136,12 @@ def path(options: PathOptions) -> None:
     reporter.finish(found.warnings)
     mission, unwritten = None, []
     if flight is None or options.home is None:
-        as_text = path_geojson.path_to_waypoints if is_ros_map(output) else path_geojson.path_to_geojson
+        as_text = path_text.path_to_waypoints if is_ros_map(output) else path_text.path_to_geojson
         write.write_text(output, as_text(found.path), overwrite)
     else:
         from uavseg.flight.planning.along import fly_along
 
-        lon, lat = path_geojson.path_lonlat(found.path)
+        lon, lat = path_text.path_lonlat(found.path)
         home = (float(lat[0]), float(lon[0])) if isinstance(options.home, str) else options.home
         mission = fly_along(lon, lat, flight, home)
         unwritten = write.write_mission_output(mission, output, overwrite)

@@ -28,7 +28,7 @@ def planned_path(box: GeoBox) -> Any:
 
 @pytest.mark.parametrize("box", [BOX, LOCAL], ids=["on the globe", "local"])
 def test_a_path_from_a_file_lies_where_the_planned_path_lies(box: GeoBox, tmp_path: Path) -> None:
-    from uavseg.occupancy.paths.path_geojson import path_to_geojson
+    from uavseg.occupancy.paths.path_text import path_to_geojson
 
     planned, frame = planned_path(box), Frame(box)
     (tmp_path / "path.geojson").write_text(path_to_geojson(planned))
@@ -55,7 +55,7 @@ def test_views_lie_where_their_ways_end(box: GeoBox, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
-    from uavseg.occupancy.paths.path_geojson import path_lonlat
+    from uavseg.occupancy.paths.path_text import path_lonlat
 
     planned, frame = planned_path(BOX), Frame(BOX)
     lon, lat = path_lonlat(planned)

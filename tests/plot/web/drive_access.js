@@ -10,7 +10,7 @@ const SIZES = {
 };
 const kind = url.startsWith("file:") ? "map" : "serve";
 
-/** Controls that are seen and can be used, each numbered; `control` is what a list of rows has many of. */
+/** Number the controls that are seen and can be used, and return what names each. */
 function numbered() {
   const all = [...document.querySelectorAll("a[href], button, input, select, [tabindex='0']")];
   const seen = all.filter((one) => one.checkVisibility({visibilityProperty: true}) && !one.disabled);
@@ -20,7 +20,7 @@ function numbered() {
   });
 }
 
-/** The control that has the focus, and whether its look says so and it lies within the screen. */
+/** The number of the control that has the focus, whether its look says so, and whether something lies over it. */
 function focused() {
   const one = document.activeElement;
   if (!one || one === document.body) return null;
@@ -34,8 +34,8 @@ function focused() {
   };
 }
 
-/** A place of the screen where a region lies, below nothing else. */
-function placeOfRegion() {
+/** Places of the screen where a region lies, below nothing else. */
+function placesOfRegions() {
   const canvas = document.querySelector(".leaflet-overlay-pane canvas"), box = canvas.getBoundingClientRect();
   const pixels = canvas.getContext("2d", {willReadFrequently: true}), scale = canvas.width / box.width;
   const painted = (x, y) => pixels.getImageData((x - box.x) * scale, (y - box.y) * scale, 1, 1).data[3] > 0;
@@ -71,9 +71,12 @@ function popupPlace() {
     const page = await (await browser.newContext({...options, bypassCSP: true})).newPage(); // CSP holds axe-core back too
     const own = seen[name] = {violations: [], errors: []};
     page.on("pageerror", (error) => own.errors.push(String(error)));
-    await page.goto(url);
-    await page.waitForSelector("body[data-ready]");
-    await page.addScriptTag({path: require.resolve("axe-core/axe.min.js")});
+    const open = async () => {
+      await page.goto(url);
+      await page.waitForSelector("body[data-ready]");
+      await page.addScriptTag({path: require.resolve("axe-core/axe.min.js")});
+    };
+    await open();
     const look = async (state) => {
       const {violations} = await page.evaluate(() => axe.run(document, {runOnly: ["wcag2a", "wcag2aa", "wcag2aaa", "wcag21a", "wcag21aa", "wcag22aa", "best-practice"]}));
       for (const one of violations) {
@@ -98,7 +101,7 @@ function popupPlace() {
     own.missed = controls.filter((_, n) => !reached.has(n));
 
     if (kind === "map") {
-      const places = await page.evaluate(placeOfRegion);
+      const places = await page.evaluate(placesOfRegions);
       own.popups = [];
       for (const n of [0, 0.25, 0.5, 0.75, 1]) {
         const [x, y] = places[Math.floor(n * (places.length - 1))];
@@ -109,10 +112,7 @@ function popupPlace() {
           await page.screenshot({path: `${folder}/access_${name}.png`});
           await look("with a popup");
         }
-        await page.keyboard.press("Escape");
-        await page.reload();
-        await page.waitForSelector("body[data-ready]");
-        await page.addScriptTag({path: require.resolve("axe-core/axe.min.js")});
+        await open(); // where the map was
       }
       // Regions by keys alone: the list opens a popup, whose tick box is the one of the list; Escape closes it.
       const row = page.locator("section:has([data-download='chosen.geojson']) li:first-child");

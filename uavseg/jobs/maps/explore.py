@@ -18,7 +18,7 @@ from uavseg.occupancy.map_file import trinary_states
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.find_path import PathParams
-from uavseg.occupancy.paths.path_geojson import feature_collection
+from uavseg.occupancy.paths.path_text import feature_collection
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene

@@ -22,7 +22,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.any_angle import pull_string
 from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.find_path import PathParams, PlannedPath
-from uavseg.occupancy.paths.path_geojson import feature_collection, line_geometry, point_geometry
+from uavseg.occupancy.paths.path_text import feature_collection, line_geometry, point_geometry
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.simulate import RangeFinder
 from uavseg.options.maps import NextViewOptions

@@ -1,4 +1,4 @@
-"""A planned path as GeoJSON (RFC 7946), split at the antimeridian, and as waypoints of Nav2."""
+"""A planned path as text: GeoJSON (RFC 7946), split at the antimeridian, and waypoints of Nav2."""
 
 import json
 from collections.abc import Iterable

@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 
 from uavseg.errors import OutputError
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.occupancy.paths.path_geojson import (
+from uavseg.occupancy.paths.path_text import (
     check_path_crs,
     path_lonlat,
     path_to_geojson,
