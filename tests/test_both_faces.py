@@ -1129,19 +1129,20 @@ def test_missions_over_what_is_extracted(words: Words) -> None:
     assert_equal(in_python(planned), expected)
 
 
+SUFFIXES = (".kmz", ".csv", ".kml", ".geojson", ".plan")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "suffix"),
     [
-        pytest.param(words, suffix, marks=pytest.mark.thorough if n and suffix not in checked else [])
-        for n, (words, checked) in enumerate(
-            [
-                ({"spacing": 15}, ()),
-                ({"camera": "matrice 30"}, (".kmz", ".csv")),
-                ({"camera": "phantom 4 rtk"}, (".kmz", ".plan")),
-            ]
+        pytest.param(words, suffix, marks=[] if suffix in checked else pytest.mark.thorough)
+        for words, checked in (
+            ({"spacing": 15}, SUFFIXES),
+            ({"camera": "matrice 30"}, (".kmz", ".csv")),
+            ({"camera": "phantom 4 rtk"}, (".kmz", ".plan")),
         )
-        for suffix in (".kmz", ".csv", ".kml", ".geojson", ".plan")
+        for suffix in SUFFIXES
     ],
 )
 def test_files_of_missions(words: Words, suffix: str) -> None:
