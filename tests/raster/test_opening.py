@@ -2,15 +2,17 @@
 
 import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 import pytest
 import rasterio
+import shapely
 from rasterio.env import get_gdal_config
 
 from uavseg.errors import RasterReadError
-from uavseg.raster.access.opening import OFFLINE_OPTIONS, gdal_env
+from uavseg.raster.access.opening import OFFLINE_OPTIONS, gdal_env, quiet_open
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.inspect_file import inspect_file
@@ -140,3 +142,24 @@ def test_a_raster_that_loses_its_place_while_it_is_used_is_an_error(tmp_path: Pa
         pytest.raises(RasterReadError, match=r"a\.tif changed"),
     ):
         dataset.read(Window(0, 0, 64, 64))
+
+
+def test_filters_of_another_thread_do_not_make_it_fail(tmp_path: Path) -> None:
+    """Shapely changes filters of warnings as it checks validity; Python has them once for all threads."""
+    path = tmp_path / "unplaced.tif"
+    with quiet_open(path, "w", driver="GTiff", width=3, height=2, count=1, dtype="uint8") as file:
+        file.write(np.ones((1, 2, 3), np.uint8))
+    ended = threading.Event()
+
+    def check() -> None:
+        while not ended.is_set():
+            shapely.is_valid(shapely.Point(0, 0))
+
+    with ThreadPoolExecutor(2) as pool:
+        checks = pool.submit(check)
+        try:
+            opened = list(pool.map(lambda _: quiet_open(path).shape, range(500)))
+        finally:
+            ended.set()
+        checks.result()
+    assert opened == [(2, 3)] * 500

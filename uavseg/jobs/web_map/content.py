@@ -1,11 +1,8 @@
 """Content of a web map of a raster: a picture in Web Mercator, and block means for ranges."""
 
-import warnings
-
 import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
-from rasterio.errors import NotGeoreferencedWarning
 from rasterio.io import MemoryFile
 from rasterio.warp import Resampling, reproject
 
@@ -18,7 +15,7 @@ from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.plain_text import cause_of
-from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env
+from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.geodesy.globe import WGS84, is_on_earth, transform_between
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import GroundGrid, ground_grid
@@ -27,7 +24,6 @@ from uavseg.raster.read.dataset import DatasetOverview
 from uavseg.segmentation.blocks.leaves import STEPS as STEPS, leaf_codes
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.units import CELL
-from uavseg.warning_filters import changing_filters
 
 MIN_SIZE, MAX_SIZE = 64, 8192
 MAX_CELLS = 1 << 22  # about 16384 x 16384 pixels
@@ -80,10 +76,8 @@ def webp_of(image: NDArray[np.uint8]) -> bytes:
     bands, rows, cols = image.shape
     with MemoryFile(ext=".webp") as memory:
         how = {"driver": "WEBP", "height": rows, "width": cols, "count": bands, "dtype": "uint8"}
-        with changing_filters():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            with memory.open(**how, QUALITY=QUALITY) as file:
-                file.write(image)
+        with quiet_open(memory.name, "w", **how, QUALITY=QUALITY) as file:
+            file.write(image)
         return bytes(memory.read())
 
 

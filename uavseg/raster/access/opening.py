@@ -259,9 +259,10 @@ _thread_options = _ThreadOptions()
 
 def quiet_open(path: str | os.PathLike[str], mode: str = "r", **how: Any) -> Any:
     """Call `rasterio.open` without its warning about files that are not georeferenced."""
-    with changing_filters():
-        warnings.simplefilter("ignore", NotGeoreferencedWarning)
-        return rasterio.open(path, mode, **how)
+    while True:
+        with changing_filters(), suppress(NotGeoreferencedWarning):  # shapely may change them beside it
+            warnings.simplefilter("ignore", NotGeoreferencedWarning)
+            return rasterio.open(path, mode, **how)
 
 
 def mask_kind(source: DatasetReader) -> str:
@@ -300,10 +301,11 @@ def unread_tags_are_errors(path: str) -> Iterator[None]:
 
 def has_place(source: DatasetReader) -> bool:
     """Return whether GDAL finds a geotransform, ground control points or RPCs in a raster."""
-    with changing_filters(record=True) as caught:
-        warnings.simplefilter("always")
+    with changing_filters(), suppress(NotGeoreferencedWarning):
+        warnings.simplefilter("error", NotGeoreferencedWarning)
         source.read_transform()
-    return not any(issubclass(found.category, NotGeoreferencedWarning) for found in caught)
+        return True
+    return False
 
 
 @contextmanager
