@@ -1,7 +1,7 @@
 """Free space of a robot with a radius: cells of a map over which its centre may drive, and paths over them.
 
-Free are the cells that `uavseg path --range 0,V` may enter: everything else, what is unknown too, counts as an
-obstacle. The centre of the robot drives over cells whose own centre keeps its radius and half of a cell's
+Free are the cells that `uavseg path --range 0,V` may enter: everything else, what is unknown too, counts as
+an obstacle. The centre of the robot drives over cells whose own centre keeps its radius and half of a cell's
 diagonal from all obstacles. No point of such a cell is nearer to one than the radius (a distance changes by
 no more than the way between two points), so straight lines over these cells keep it too, not only corners.
 
@@ -118,24 +118,21 @@ class FreeSpace:
         PathError
             If it lies outside of the map, or nearer to an obstacle than the robot may be.
         """
+        where = f"{xy[0]:g},{xy[1]:g}"
+        if not all(map(math.isfinite, xy)):
+            raise PathError(f"the {name} is two finite numbers, x and y on the map, not {where}")
         col, row = ~self.geobox.transform * xy
         rows, cols = self.free.shape
         if not (0 <= row < rows and 0 <= col < cols):
-            raise PathError(
-                f"the {name} {xy[0]:g},{xy[1]:g} lies outside of {self.name}: {extent(self.geobox)}"
-            )
+            raise PathError(f"the {name} {where} lies outside of {self.name}: {extent(self.geobox)}")
         cell = int(row), int(col)
         if not self.drivable[cell]:
-            room = (
-                f"{self.distance_m[cell] - self.side_m * math.sqrt(0.5):.3g} m" if self.free[cell] else "none"
-            )
-            raise PathError(
-                f"the {name} {xy[0]:g},{xy[1]:g} has no room for a radius of {self.radius_m:g} m (room: {room})"
-            )
+            room = f"at most {_floored(self.room_m(cell))}" if self.free[cell] else "its cell is not free"
+            raise PathError(f"the {name} {where} has no room for a radius of {self.radius_m:g} m ({room})")
         return np.array([row, col])
 
     def widest(self, starts: Mask, goals: Mask) -> float:
-        """Return the largest radius in metres with which a path leads from some cells to others; 0 if none."""
+        """Return the largest radius in metres with which a path leads from cells to others; 0 if none."""
         known = np.unique(self.distance_m[self.free])
         open_, closed = -1, len(known)
         while closed - open_ > 1:
@@ -145,7 +142,11 @@ class FreeSpace:
                 open_ = middle
             else:
                 closed = middle
-        return 0.0 if open_ < 0 else max(float(known[open_]) - self.side_m * math.sqrt(0.5), 0.0)
+        return 0.0 if open_ < 0 else max(float(known[open_]) - self.margin_m + self.radius_m, 0.0)
+
+    def room_m(self, cells: Any) -> float:
+        """Return the largest radius in metres for which one of some cells, an index or a mask, has room."""
+        return float(np.max(self.distance_m[cells])) - self.margin_m + self.radius_m
 
 
 def _crossed(start: Floats, end: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -243,9 +244,7 @@ def read_map_regions(
     """
     regions = read_local_regions(path, layer)
     if regions.wkt is not None:
-        raise RegionError(
-            f"{path} has a CRS and {space.name} has none; give polygons in the map's coordinates"
-        )
+        raise RegionError(f"{path} has a CRS, and {space.name} none; give polygons in the map's coordinates")
     known = regions.columns["id"].tolist()
     twice = next((one for one in known if known.count(one) > 1), None)
     if twice is not None:
@@ -258,12 +257,10 @@ def read_map_regions(
     chosen = [k for k, one in enumerate(known) if ids is None or one in ids]
     if not chosen:
         raise RegionError(f"{path} has no region")
-    found = [
-        MapRegion(
-            known[k], names[k] if isinstance(names[k], str) else None, _inside(polygons[k], space.free.shape)
-        )
-        for k in chosen
-    ]
+    found = []
+    for k in chosen:
+        name = names[k] if isinstance(names[k], str) else None
+        found.append(MapRegion(known[k], name, _inside(polygons[k], space.free.shape)))
     return found, list(regions.metadata.get("notes", []))
 
 
@@ -298,8 +295,7 @@ def why_unreachable(space: FreeSpace, region: MapRegion, part: int) -> str:
         return f"{region} has no free cell"
     radius = f"a radius of {space.radius_m:g} m"
     if not (region.cells & space.drivable).any():
-        room = float(space.distance_m[region.cells].max()) - space.side_m * math.sqrt(0.5)
-        return f"{region} has no room for {radius} (at most {_floored(room)})"
+        return f"{region} has no room for {radius} (at most {_floored(space.room_m(region.cells))})"
     widest = space.widest(region.cells & space.drivable, space.parts == part)
     most = f"at most {_floored(widest)}" if widest > 0 else "with none"
     return f"no path leads to {region} with {radius} ({most})"

@@ -74,9 +74,7 @@ def plan_graph(
         raise RegionError(f"a graph joins two regions or more, and there is {len(regions)}")
     wrong = next((one for one in regions if not 0 <= one.id <= MAX_ID), None)
     if wrong is not None:
-        raise RegionError(
-            f"{wrong}: the ids of nodes are whole numbers from 0 to {MAX_ID}; give it another id"
-        )
+        raise RegionError(f"{wrong}: ids of nodes are whole numbers from 0 to {MAX_ID}; give it another id")
     stations = station_cells(space, regions, part)
     index = {cell: k for k, cell in enumerate(stations)}
     edges: dict[tuple[int, int], None] = {}
@@ -102,9 +100,7 @@ def station_cells(space: FreeSpace, regions: Sequence[MapRegion], part: int) -> 
         inner[~region.cells | (space.parts != part) | taken] = -1.0
         row, col = (int(one) for one in np.unravel_index(np.argmax(inner), inner.shape))
         if inner[row, col] < 0:
-            raise RegionError(
-                f"{region} has no cell besides those of the regions before; leave one of them out"
-            )
+            raise RegionError(f"{region} has no cell besides those of other regions; leave one of them out")
         taken[row, col] = True
         result.append((row, col))
     return result
@@ -154,8 +150,8 @@ def _features(
     ids += range(max(ids) + 1, max(ids) + 1 + len(cells) - len(ids))
     if max(ids) + 2 * len(edges) > MAX_ID:
         raise RegionError(
-            f"the graph has {len(ids):,} nodes and {2 * len(edges):,} edges, and ids end at {MAX_ID:,}; give fewer "
-            "regions or neighbours (--nearest), or smaller ids"
+            f"the graph has {len(ids):,} nodes and {2 * len(edges):,} edges, and ids end at {MAX_ID:,}; give "
+            "fewer regions or neighbours (--nearest), or smaller ids"
         )
     places = space.xy(cells + 0.5).tolist()
     for k, (number, place) in enumerate(zip(ids, places, strict=True)):
