@@ -78,22 +78,6 @@ class FreeSpace:
         """Plan between two cells of one part, pulled tight: the corners (n, 2), row and column of cells."""
         return pull_string(self.drivable, shortest_path(self.drivable, start, goal).cells)
 
-    def runs(self, start: Floats, end: Floats) -> list[tuple[Floats, Floats]]:
-        """Return the parts of a straight line over drivable cells, as pairs of positions in their order.
-
-        They begin and end within a cell, halfway along the line in it.
-        """
-        cells, times = _crossed(start, end)
-        rows, cols = cells.T
-        inside = np.zeros(len(cells), np.bool_)
-        known = ((cells >= 0) & (cells < self.drivable.shape)).all(axis=1)
-        inside[known] = self.drivable[rows[known], cols[known]]
-        steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
-        middles = (times[:-1] + times[1:]) / 2
-        first, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0) - 1
-        ends = zip(middles[first], middles[last], strict=True)
-        return [(start + begin * (end - start), start + stop * (end - start)) for begin, stop in ends]
-
     def sees(self, start: Floats, end: Floats) -> bool:
         """Return whether a straight line stays on drivable cells."""
         cells, _ = _crossed(start, end)
@@ -147,6 +131,21 @@ class FreeSpace:
     def room_m(self, cells: Any) -> float:
         """Return the largest radius in metres for which one of some cells, an index or a mask, has room."""
         return float(np.max(self.distance_m[cells])) - self.margin_m + self.radius_m
+
+
+def runs_over(mask: Mask, start: Floats, end: Floats) -> list[Floats]:
+    """Return the parts (2, 2) of a straight line over the cells of a mask, start and end of each, in order.
+
+    They begin and end within a cell, halfway along the line in it.
+    """
+    cells, times = _crossed(start, end)
+    known = ((cells >= 0) & (cells < mask.shape)).all(axis=1)
+    inside = np.zeros(len(cells), np.bool_)
+    inside[known] = mask[cells[known, 0], cells[known, 1]]
+    steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
+    middles = (times[:-1] + times[1:])[:, None] / 2
+    first, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0) - 1
+    return list(np.stack([start + middles[k] * (end - start) for k in (first, last)], axis=1))
 
 
 def _crossed(start: Floats, end: Floats) -> tuple[NDArray[np.int64], Floats]:
