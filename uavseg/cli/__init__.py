@@ -62,7 +62,7 @@ _BESIDE |= dict.fromkeys(("upload", "download"), "check")
 _BESIDE |= {"resume": "plan", "serve": "map"}
 
 
-class _Group(click.Group):
+class CommandGroup(click.Group):
     """A group whose commands are imported when they are needed."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -185,7 +185,7 @@ def _version(ctx: click.Context, param: click.Parameter, value: bool) -> None:
 
 
 @click.group(
-    cls=_Group,
+    cls=CommandGroup,
     name="uavseg",
     short_help="From a raster to regions to a mission.",
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
