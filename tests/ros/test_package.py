@@ -23,7 +23,7 @@ PACKAGE = ROOT / "ros" / "uavseg_ros"
 XML = ElementTree.parse(PACKAGE / "package.xml").getroot()
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 KEYS = {"tf2_ros": "tf2_ros_py", "numpy": "python3-numpy"}  # rosdep keys that differ from the module
-FROM_PIP = {"uavseg", "shapely"}  # uavseg brings shapely
+FROM_PIP = {"uavseg", "click", "rasterio", "scipy", "shapely"}  # uavseg brings the others
 LAUNCHED = {
     "launch": ["LaunchDescription"],
     "launch.actions": ["DeclareLaunchArgument", "EmitEvent", "RegisterEventHandler"],
@@ -94,14 +94,16 @@ def test_setup_installs_what_ros2_run_and_launch_look_for(tmp_path: Path) -> Non
     for name in ("package.xml", "config/uavseg_ros.yaml", "launch/uavseg_ros.launch.py"):
         assert (root / "share" / "uavseg_ros" / name).read_text() == (PACKAGE / name).read_text()
     assert (root / "share" / "ament_index" / "resource_index" / "packages" / "uavseg_ros").exists()
-    program = root / "lib" / "uavseg_ros" / "map_node"
-    assert program.read_text().splitlines()[0] == "#!/usr/bin/env python3"
+    for name in ("map_node", "route_graph", "cover"):
+        program = root / "lib" / "uavseg_ros" / name
+        assert program.read_text().splitlines()[0] == "#!/usr/bin/env python3"
     [modules] = root.glob("lib/python*/site-packages/uavseg_ros")
     assert {file.name for file in modules.glob("*.py")} == {
         file.name for file in PACKAGE.glob("uavseg_ros/*.py")
     }
     [points] = root.glob("lib/python*/site-packages/*.egg-info/entry_points.txt")
-    assert "map_node = uavseg_ros.node:main" in points.read_text()
+    for name, module in (("map_node", "node"), ("route_graph", "route_graph"), ("cover", "cover")):
+        assert f"{name} = uavseg_ros.{module}:main" in points.read_text()
 
 
 class Recorded:

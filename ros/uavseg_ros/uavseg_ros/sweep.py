@@ -30,6 +30,7 @@ MIN_WIDTH = 2.0  # cells
 STEP_DEG = 15.0  # between headings that are tried, besides those of the smallest rectangle around all
 TURN = 2.0  # widths of driving that a line costs besides its length
 MIN_GAIN = 1 / 8  # squares of the width that a line covers alone
+SHORTEST = 0.5  # cells: a line at a single place
 TOLERANCE = 1e-9  # cells by which a place may be farther than half of the width
 Lines = list[Floats]  # each (2, 2): start and end
 
@@ -42,7 +43,7 @@ class Sweep:
     path: Floats  # (n, 2)
     is_line: Bools  # (n - 1,): whether each of its parts is a line rather than a leg
     wanted: Mask  # (rows, cols): cells to cover
-    reachable: Mask  # (rows, cols): those of them that lie within half of the width of where the robot may be
+    reachable: Mask  # (rows, cols): those of them within half of the width of the centre of a drivable cell
     by_lines: Mask  # (rows, cols): those within half of the width of a line
     by_path: Mask  # (rows, cols): those within half of the width of a line or a leg
 
@@ -153,7 +154,8 @@ class _Ground:
         count = np.zeros(self.inside.size, np.int64)
         for cells in swept:
             count[cells] += 1
-        reachable, dropped = self.reachable.ravel(), set()
+        reachable = self.reachable.ravel()
+        dropped: set[int] = set()
         for k in np.argsort([path_length(line) for line in flat], kind="stable").tolist():
             alone = (count[swept[k]] == 1) & reachable[swept[k]]
             if alone.sum() < self.min_gain and len(dropped) < len(flat) - 1:
@@ -211,8 +213,8 @@ def _field_lines(polygon: shapely.Polygon, heights: Floats, width: float) -> lis
     polygon: along its edge, where a wall is farther from it than half of the width.
     """
     _, south, _, north = shapely.bounds(polygon)
-    low, high = float(heights.min()), float(heights.max())
-    count = max(math.ceil((high - low - 0.5) / width), 1)
+    low, high = float(heights.min()) - 0.5, float(heights.max()) + 0.5
+    count = max(math.ceil((high - low) / width - TOLERANCE), 1)
     strip = (high - low) / count
     first, last = max(south + 0.5, low + strip / 2), min(north - 0.5, high - strip / 2)
     spacing = (last - first) / (count - 1) if count > 1 else width
@@ -271,18 +273,18 @@ def _candidates(ground: _Ground, missing: Mask, axes: Floats) -> Iterator[Floats
     order = np.lexsort((along, lane))
     ends = np.flatnonzero((np.diff(lane[order]) != 0) | (np.diff(along[order]) > ground.width))
     for lot in np.split(order, ends + 1):
-        place = along[lot[[0, -1]], None] * axes[0] + across[lot[0]] * axes[1]
-        yield from runs_over(ground.inside, *place)
+        reach = along[lot[[0, -1]], None] + [[-SHORTEST / 2], [SHORTEST / 2]]
+        yield from runs_over(ground.inside, *(reach * axes[0] + across[lot[0]] * axes[1]))
 
 
 def _trimmed(line: Floats, places: Floats) -> Floats:
-    """Return the part of a line beside places (n, 2); a single position where they lie past an end."""
+    """Return the part of a line beside places (n, 2); a short one where they lie past an end."""
     step = line[1] - line[0]
-    length = float(step @ step)
-    if not length:
-        return line
-    t = np.clip((places - line[0]) @ step / length, 0, 1)
-    return line[0] + np.array([[t.min()], [t.max()]]) * step
+    length = float(np.hypot(*step))
+    t = np.clip((places - line[0]) @ step / length**2, 0, 1)
+    more = max(SHORTEST / length - np.ptp(t), 0.0) / 2
+    ends = np.clip([t.min() - more, t.max() + more], 0, 1)
+    return np.asarray(line[0] + ends[:, None] * step)
 
 
 def _drive(space: FreeSpace, items: list[list[Lines]], start: Floats | None) -> tuple[Floats, Bools]:
