@@ -277,6 +277,14 @@ def test_a_region_without_a_way_is_refused_or_left_out_and_said(tmp_path: Path) 
     assert ran.exit_code == 1 and "no path leads to region 9" in ran.stderr
 
 
+@pytest.mark.parametrize("ring", [box(2.5, 1.0, 2.55, 1.05), box(2.5, 0.5, 2.55, 1.5)])
+def test_a_region_of_a_few_cells_is_covered_too(tmp_path: Path, ring: Any) -> None:
+    for heading in (0, 45):
+        xy, parts, said = covered(tmp_path, {1: ring}, "--heading", heading)
+        assert "covered     100.0 %" in said
+        assert plain_share(rooms(), {1: ring}, legs_of(xy, parts, "line")) == 1
+
+
 def test_a_part_of_a_region_without_a_way_is_said(tmp_path: Path) -> None:
     _, _, said = covered(tmp_path, WHOLE)
     found = re.search(r"warning: no path leads to ([\d.]+) m2 of the regions, over which the robot", said)

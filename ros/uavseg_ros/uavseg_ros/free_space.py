@@ -280,7 +280,7 @@ def _inside(polygon: Any, shape: tuple[int, int]) -> Mask:
 
 
 def main_part(space: FreeSpace, regions: list[MapRegion]) -> int:
-    """Return the part of the drivable cells with cells of most regions, of equals the largest; 0: there is none."""
+    """Return the part of the drivable cells with cells of most regions, of equals the largest; 0 if none."""
     sizes = np.bincount(space.parts.ravel())
     served = np.zeros(len(sizes), np.int64)
     for region in regions:

@@ -43,7 +43,7 @@ class Sweep:
     path: Floats  # (n, 2)
     is_line: Bools  # (n - 1,): whether each of its parts is a line rather than a leg
     wanted: Mask  # (rows, cols): cells to cover
-    reachable: Mask  # (rows, cols): those of them within half of the width of the centre of a drivable cell
+    reachable: Mask  # (rows, cols): those within half of the width of the centre of a drivable one
     by_lines: Mask  # (rows, cols): those within half of the width of a line
     by_path: Mask  # (rows, cols): those within half of the width of a line or a leg
 
@@ -90,8 +90,10 @@ def sweep(
     laid = [_chains(ground, one) for one in headings]
     best = int(np.argmin([round(_cost(ground, chains), 6) for chains in laid]))
     chains, missing = laid[best], ground.missed(_flat(laid[best]))
-    extra = [[[line]] for line in _fill(ground, headings[best], missing)]
-    items = ground.needed([*chains, *extra])
+    extra = _fill(ground, headings[best], missing, ground.min_gain)
+    if not (chains or extra):  # of next to nothing
+        extra = _fill(ground, headings[best], missing, 1.0)
+    items = ground.needed([*chains, *([[line]] for line in extra)])
     path, is_line = _drive(space, items, start)
     parts = list(np.stack([path[:-1], path[1:]], axis=1))
     by_lines = [one for one, line in zip(parts, is_line.tolist(), strict=True) if line]
@@ -235,15 +237,15 @@ def _cost(ground: _Ground, chains: list[list[Lines]]) -> float:
     return sum(map(path_length, lines)) + TURN * ground.width * len(lines) + 2 * left / ground.width
 
 
-def _fill(ground: _Ground, heading_rad: float, missing: Mask) -> Lines:
-    """Return lines that cover what is missing, along a heading and across it (lazy greedy set cover)."""
+def _fill(ground: _Ground, heading_rad: float, missing: Mask, min_gain: float) -> Lines:
+    """Return lines that each cover so many missing cells, along and across (lazy greedy set cover)."""
     turn = _axes(heading_rad)[::-1].T  # rows: along and across, as row and col
     found = [*_candidates(ground, missing, turn), *_candidates(ground, missing, turn[::-1])]
     swept, left = [ground.near(line) for line in found], missing.ravel().copy()
 
     def worth(k: int) -> float:
         gain = float(left[swept[k]].sum())
-        return gain / (path_length(found[k]) + ground.width) if gain >= ground.min_gain else 0.0
+        return gain / (path_length(found[k]) + ground.width) if gain >= min_gain else 0.0
 
     queue = [(-worth(k), k) for k in range(len(found))]
     heapq.heapify(queue)
