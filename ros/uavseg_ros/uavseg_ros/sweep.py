@@ -29,7 +29,7 @@ from uavseg_ros.free_space import FreeSpace, Mask, runs_over
 MIN_WIDTH = 2.0  # cells
 STEP_DEG = 15.0  # between headings that are tried, besides those of the smallest rectangle around all
 TURN = 2.0  # widths of driving that a line costs besides its length
-MIN_GAIN = 1 / 8  # squares of the width that a line covers alone
+MIN_GAIN, MIN_SHARE = 1 / 8, 0.01  # squares of the width that a line covers alone, or of all, if that is less
 SHORTEST = 0.5  # cells: a line at a single place
 TOLERANCE = 1e-9  # cells by which a place may be farther than half of the width
 Lines = list[Floats]  # each (2, 2): start and end
@@ -121,7 +121,7 @@ class _Ground:
     @property
     def min_gain(self) -> float:
         """Return the number of cells that a line covers alone, at least."""
-        return MIN_GAIN * self.width**2
+        return min(MIN_GAIN * self.width**2, MIN_SHARE * float(self.reachable.sum()))
 
     def near(self, line: Floats) -> NDArray[np.int64]:
         """Return the flat indices of the cells whose centres lie within half of the width of a line."""
