@@ -14,9 +14,11 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from uavseg_ros import cover, route_graph
 from uavseg_ros.parameters import descriptions
 
 import uavseg
+from tests.ros.robots import invoke
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "ros" / "uavseg_ros"
@@ -167,3 +169,24 @@ def test_the_documentation_has_each_parameter_with_its_default_and_description()
     }
     described = {name: (yaml.safe_load(default), text) for name, (default, text) in rows.items()}
     assert described == dict(descriptions())
+
+
+def test_the_programs_print_what_the_documentation_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "how-to" / "ros.md").read_text()
+    for code in re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE):
+        if "hall.yaml" in code or "stations.geojson" in code:
+            exec(compile(code, "ros.md", "exec"), {})
+    programs = {"route_graph": route_graph.command, "cover": cover.command}
+    shown = 0
+    for block in re.findall(r"^```console\n(\$ ros2 run uavseg_ros .*?)^```", page, re.DOTALL | re.MULTILINE):
+        for line, printed in re.findall(r"^\$ (.*)\n((?:[^$].*\n)*)", block, re.MULTILINE):
+            words = line.split()
+            if words[0] == "cat":
+                assert Path(words[1]).read_text() == printed
+            else:
+                assert invoke(programs[words[3]], *words[4:]).stderr == printed
+            shown += 1
+    assert shown == 5
