@@ -24,5 +24,11 @@ setup(
     ],
     install_requires=["setuptools"],  # uavseg is installed beside it, see README.md
     zip_safe=True,
-    entry_points={"console_scripts": [f"map_node = {name}.node:main"]},
+    entry_points={
+        "console_scripts": [
+            f"map_node = {name}.node:main",
+            f"route_graph = {name}.route_graph:main",
+            f"cover = {name}.cover:main",
+        ]
+    },
 )

@@ -14,16 +14,18 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from uavseg_ros import cover, route_graph
 from uavseg_ros.parameters import descriptions
 
 import uavseg
+from tests.ros.robots import invoke
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE = ROOT / "ros" / "uavseg_ros"
 XML = ElementTree.parse(PACKAGE / "package.xml").getroot()
 PROJECT: dict[str, Any] = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 KEYS = {"tf2_ros": "tf2_ros_py", "numpy": "python3-numpy"}  # rosdep keys that differ from the module
-FROM_PIP = {"uavseg", "shapely"}  # uavseg brings shapely
+FROM_PIP = {"uavseg", "click", "rasterio", "scipy", "shapely"}  # uavseg brings the others
 LAUNCHED = {
     "launch": ["LaunchDescription"],
     "launch.actions": ["DeclareLaunchArgument", "EmitEvent", "RegisterEventHandler"],
@@ -94,14 +96,16 @@ def test_setup_installs_what_ros2_run_and_launch_look_for(tmp_path: Path) -> Non
     for name in ("package.xml", "config/uavseg_ros.yaml", "launch/uavseg_ros.launch.py"):
         assert (root / "share" / "uavseg_ros" / name).read_text() == (PACKAGE / name).read_text()
     assert (root / "share" / "ament_index" / "resource_index" / "packages" / "uavseg_ros").exists()
-    program = root / "lib" / "uavseg_ros" / "map_node"
-    assert program.read_text().splitlines()[0] == "#!/usr/bin/env python3"
+    for name in ("map_node", "route_graph", "cover"):
+        program = root / "lib" / "uavseg_ros" / name
+        assert program.read_text().splitlines()[0] == "#!/usr/bin/env python3"
     [modules] = root.glob("lib/python*/site-packages/uavseg_ros")
     assert {file.name for file in modules.glob("*.py")} == {
         file.name for file in PACKAGE.glob("uavseg_ros/*.py")
     }
     [points] = root.glob("lib/python*/site-packages/*.egg-info/entry_points.txt")
-    assert "map_node = uavseg_ros.node:main" in points.read_text()
+    for name, module in (("map_node", "node"), ("route_graph", "route_graph"), ("cover", "cover")):
+        assert f"{name} = uavseg_ros.{module}:main" in points.read_text()
 
 
 class Recorded:
@@ -165,3 +169,24 @@ def test_the_documentation_has_each_parameter_with_its_default_and_description()
     }
     described = {name: (yaml.safe_load(default), text) for name, (default, text) in rows.items()}
     assert described == dict(descriptions())
+
+
+def test_the_programs_print_what_the_documentation_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "how-to" / "ros.md").read_text()
+    for code in re.findall(r"^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE):
+        if "hall.yaml" in code or "stations.geojson" in code:
+            exec(compile(code, "ros.md", "exec"), {})
+    programs = {"route_graph": route_graph.command, "cover": cover.command}
+    shown = 0
+    for block in re.findall(r"^```console\n(\$ ros2 run uavseg_ros .*?)^```", page, re.DOTALL | re.MULTILINE):
+        for line, printed in re.findall(r"^\$ (.*)\n((?:[^$].*\n)*)", block, re.MULTILINE):
+            words = line.split()
+            if words[0] == "cat":
+                assert Path(words[1]).read_text() == printed
+            else:
+                assert invoke(programs[words[3]], *words[4:]).stderr == printed
+            shown += 1
+    assert shown == 5

@@ -41,10 +41,7 @@ class Coverage:
 
     @property
     def path(self) -> tuple[Floats, Bools]:
-        """Return the waypoints (n, 2), row and column, and whether parts between them are lines: (n - 1,).
-
-        A line that is a single position is one waypoint.
-        """
+        """Return the waypoints (n, 2), row and column, and whether parts between them are lines: (n - 1,)."""
         xy = self.space.xy(self.sweep.path)
         moves = (np.diff(xy, axis=0) != 0).any(axis=1)
         return self.sweep.path[np.append(True, moves)], self.sweep.is_line[moves]
@@ -83,8 +80,9 @@ class Coverage:
 
     @property
     def out_of_reach_m2(self) -> float:
-        """Return the free area that lies farther than half of the width from where the robot may be."""
-        return self._area_m2(self.sweep.wanted & ~self.sweep.reachable, None)
+        """Return the free area that is not covered, and farther than half the width from drivable cells."""
+        reached = self.sweep.reachable | self.sweep.by_lines
+        return self._area_m2(self.sweep.wanted & ~reached, None)
 
     def _area_m2(self, cells: free_space.Mask, region: MapRegion | None) -> float:
         within = cells if region is None else cells & region.cells

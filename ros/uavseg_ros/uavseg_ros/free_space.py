@@ -136,16 +136,17 @@ class FreeSpace:
 def runs_over(mask: Mask, start: Floats, end: Floats) -> list[Floats]:
     """Return the parts (2, 2) of a straight line over the cells of a mask, start and end of each, in order.
 
-    They begin and end within a cell, halfway along the line in it.
+    They begin and end within a cell, a quarter of the way over it.
     """
     cells, times = _crossed(start, end)
     known = ((cells >= 0) & (cells < mask.shape)).all(axis=1)
     inside = np.zeros(len(cells), np.bool_)
     inside[known] = mask[cells[known, 0], cells[known, 1]]
     steps = np.diff(np.concatenate([[False], inside, [False]]).astype(np.int8))
-    middles = (times[:-1] + times[1:])[:, None] / 2
     first, last = np.flatnonzero(steps > 0), np.flatnonzero(steps < 0) - 1
-    return list(np.stack([start + middles[k] * (end - start) for k in (first, last)], axis=1))
+    quarter = np.diff(times) / 4
+    begin, stop = times[first] + quarter[first], times[last + 1] - quarter[last]
+    return list(start + np.stack([begin, stop], axis=1)[:, :, None] * (end - start))
 
 
 def _crossed(start: Floats, end: Floats) -> tuple[NDArray[np.int64], Floats]:
@@ -187,7 +188,7 @@ def read_free_space(path: str | os.PathLike[str], radius_m: float, passable_belo
     Raises
     ------
     ParameterError
-        If the radius is not finite or below 0, or the probability does not lie in 0..1.
+        If the radius is not finite or below 0, or the probability is not above 0 and up to 1.
     MapError
         If the map has a CRS, no square cells in metres, or no free cell.
     UavsegError
@@ -195,6 +196,8 @@ def read_free_space(path: str | os.PathLike[str], radius_m: float, passable_belo
     """
     if not (math.isfinite(radius_m) and radius_m >= 0):
         raise ParameterError(f"the radius of a robot is metres, not below 0, not {radius_m:g}")
+    if not 0 < passable_below <= 1:
+        raise ParameterError(f"free are cells up to a probability above 0, at most 1, not {passable_below:g}")
     source = map_of(open_probability_map(path), "name the map that it was made from")
     if source.geobox.crs is not None:
         raise MapError(f"{source.name} has a CRS; the map of a robot is in metres without one")
@@ -277,7 +280,7 @@ def _inside(polygon: Any, shape: tuple[int, int]) -> Mask:
 
 
 def main_part(space: FreeSpace, regions: list[MapRegion]) -> int:
-    """Return the part of the drivable cells in which most regions have some; of equals the largest."""
+    """Return the part of the drivable cells with cells of most regions, of equals the largest; 0 if none."""
     sizes = np.bincount(space.parts.ravel())
     served = np.zeros(len(sizes), np.int64)
     for region in regions:

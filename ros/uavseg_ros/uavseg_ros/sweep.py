@@ -29,7 +29,8 @@ from uavseg_ros.free_space import FreeSpace, Mask, runs_over
 MIN_WIDTH = 2.0  # cells
 STEP_DEG = 15.0  # between headings that are tried, besides those of the smallest rectangle around all
 TURN = 2.0  # widths of driving that a line costs besides its length
-MIN_GAIN = 1 / 8  # squares of the width that a line covers alone
+MIN_GAIN, MIN_SHARE = 1 / 8, 0.01  # squares of the width that a line covers alone, or of all, if that is less
+SHORTEST = 0.5  # cells: a line at a single place
 TOLERANCE = 1e-9  # cells by which a place may be farther than half of the width
 Lines = list[Floats]  # each (2, 2): start and end
 
@@ -42,7 +43,7 @@ class Sweep:
     path: Floats  # (n, 2)
     is_line: Bools  # (n - 1,): whether each of its parts is a line rather than a leg
     wanted: Mask  # (rows, cols): cells to cover
-    reachable: Mask  # (rows, cols): those of them that lie within half of the width of where the robot may be
+    reachable: Mask  # (rows, cols): those within half of the width of the centre of a drivable one
     by_lines: Mask  # (rows, cols): those within half of the width of a line
     by_path: Mask  # (rows, cols): those within half of the width of a line or a leg
 
@@ -89,8 +90,10 @@ def sweep(
     laid = [_chains(ground, one) for one in headings]
     best = int(np.argmin([round(_cost(ground, chains), 6) for chains in laid]))
     chains, missing = laid[best], ground.missed(_flat(laid[best]))
-    extra = [[[line]] for line in _fill(ground, headings[best], missing)]
-    items = ground.needed([*chains, *extra])
+    extra = _fill(ground, headings[best], missing, ground.min_gain)
+    if not (chains or extra):  # of next to nothing
+        extra = _fill(ground, headings[best], missing, 1.0)
+    items = ground.needed([*chains, *([[line]] for line in extra)])
     path, is_line = _drive(space, items, start)
     parts = list(np.stack([path[:-1], path[1:]], axis=1))
     by_lines = [one for one, line in zip(parts, is_line.tolist(), strict=True) if line]
@@ -118,7 +121,7 @@ class _Ground:
     @property
     def min_gain(self) -> float:
         """Return the number of cells that a line covers alone, at least."""
-        return MIN_GAIN * self.width**2
+        return min(MIN_GAIN * self.width**2, MIN_SHARE * float(self.reachable.sum()))
 
     def near(self, line: Floats) -> NDArray[np.int64]:
         """Return the flat indices of the cells whose centres lie within half of the width of a line."""
@@ -153,7 +156,8 @@ class _Ground:
         count = np.zeros(self.inside.size, np.int64)
         for cells in swept:
             count[cells] += 1
-        reachable, dropped = self.reachable.ravel(), set()
+        reachable = self.reachable.ravel()
+        dropped: set[int] = set()
         for k in np.argsort([path_length(line) for line in flat], kind="stable").tolist():
             alone = (count[swept[k]] == 1) & reachable[swept[k]]
             if alone.sum() < self.min_gain and len(dropped) < len(flat) - 1:
@@ -211,8 +215,8 @@ def _field_lines(polygon: shapely.Polygon, heights: Floats, width: float) -> lis
     polygon: along its edge, where a wall is farther from it than half of the width.
     """
     _, south, _, north = shapely.bounds(polygon)
-    low, high = float(heights.min()), float(heights.max())
-    count = max(math.ceil((high - low - 0.5) / width), 1)
+    low, high = float(heights.min()) - 0.5, float(heights.max()) + 0.5
+    count = max(math.ceil((high - low) / width - TOLERANCE), 1)
     strip = (high - low) / count
     first, last = max(south + 0.5, low + strip / 2), min(north - 0.5, high - strip / 2)
     spacing = (last - first) / (count - 1) if count > 1 else width
@@ -233,15 +237,15 @@ def _cost(ground: _Ground, chains: list[list[Lines]]) -> float:
     return sum(map(path_length, lines)) + TURN * ground.width * len(lines) + 2 * left / ground.width
 
 
-def _fill(ground: _Ground, heading_rad: float, missing: Mask) -> Lines:
-    """Return lines that cover what is missing, along a heading and across it (lazy greedy set cover)."""
+def _fill(ground: _Ground, heading_rad: float, missing: Mask, min_gain: float) -> Lines:
+    """Return lines that each cover so many missing cells, along and across (lazy greedy set cover)."""
     turn = _axes(heading_rad)[::-1].T  # rows: along and across, as row and col
     found = [*_candidates(ground, missing, turn), *_candidates(ground, missing, turn[::-1])]
     swept, left = [ground.near(line) for line in found], missing.ravel().copy()
 
     def worth(k: int) -> float:
         gain = float(left[swept[k]].sum())
-        return gain / (path_length(found[k]) + ground.width) if gain >= ground.min_gain else 0.0
+        return gain / (path_length(found[k]) + ground.width) if gain >= min_gain else 0.0
 
     queue = [(-worth(k), k) for k in range(len(found))]
     heapq.heapify(queue)
@@ -271,18 +275,18 @@ def _candidates(ground: _Ground, missing: Mask, axes: Floats) -> Iterator[Floats
     order = np.lexsort((along, lane))
     ends = np.flatnonzero((np.diff(lane[order]) != 0) | (np.diff(along[order]) > ground.width))
     for lot in np.split(order, ends + 1):
-        place = along[lot[[0, -1]], None] * axes[0] + across[lot[0]] * axes[1]
-        yield from runs_over(ground.inside, *place)
+        reach = along[lot[[0, -1]], None] + [[-SHORTEST / 2], [SHORTEST / 2]]
+        yield from runs_over(ground.inside, *(reach * axes[0] + across[lot[0]] * axes[1]))
 
 
 def _trimmed(line: Floats, places: Floats) -> Floats:
-    """Return the part of a line beside places (n, 2); a single position where they lie past an end."""
+    """Return the part of a line beside places (n, 2); a short one where they lie past an end."""
     step = line[1] - line[0]
-    length = float(step @ step)
-    if not length:
-        return line
-    t = np.clip((places - line[0]) @ step / length, 0, 1)
-    return line[0] + np.array([[t.min()], [t.max()]]) * step
+    length = float(np.hypot(*step))
+    t = np.clip((places - line[0]) @ step / length**2, 0, 1)
+    more = max(SHORTEST / length - np.ptp(t), 0.0) / 2
+    ends = np.clip([t.min() - more, t.max() + more], 0, 1)
+    return np.asarray(line[0] + ends[:, None] * step)
 
 
 def _drive(space: FreeSpace, items: list[list[Lines]], start: Floats | None) -> tuple[Floats, Bools]:
