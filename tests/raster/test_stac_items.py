@@ -3,6 +3,8 @@
 import json
 import os
 import shutil
+import socket
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -351,3 +353,37 @@ def test_a_file_of_regions_is_no_item() -> None:
     assert "regions" in run("info", "out.geojson").stdout
     result = run("extract", "out.geojson", "--range", "0.5,1", "-o", "other.geojson")
     assert result.exit_code == 1 and "holds a description in text, not an image" in result.stderr
+
+
+ANSWERS = {
+    "not HTTP": (b"SSH-2.0-OpenSSH\r\n", "SSH-2.0"),
+    "nothing": (b"", "without response"),
+    "an error": (b"HTTP/1.0 403 No\r\n\r\n", "HTTP Error 403: No"),
+    "a way to a file": (b"HTTP/1.0 302 Found\r\nLocation: file:///etc/passwd\r\n\r\n", "HTTP Error 302"),
+    "no JSON": (b"HTTP/1.0 200 OK\r\n\r\n<html>", "Expecting value"),
+    "too much": (b"HTTP/1.0 200 OK\r\n\r\n" + bytes(9000), "it has more than 5,000 bytes"),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_what_is_no_item_at_an_address_is_refused_in_one_line(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("no_proxy", "127.0.0.1")
+    monkeypatch.setattr(source_list, "MAX_ITEM", 5000)
+    answer, text = ANSWERS[name]
+
+    def serve() -> None:
+        connection = server.accept()[0]
+        with connection:
+            connection.recv(4096)
+            connection.sendall(answer)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=serve)
+        thread.start()
+        source = f"http://127.0.0.1:{server.getsockname()[1]}/item.json#visual"
+        result = run("info", source)
+        thread.join()
+    assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1
+    assert "/item.json cannot be read as a STAC item (" in result.stderr and text in result.stderr
