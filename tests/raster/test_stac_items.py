@@ -140,12 +140,15 @@ def test_a_mosaic_of_assets_is_that_of_their_files() -> None:
     assert extracted("data/quarry.tif") == extracted("item.json#visual")
 
 
-def test_an_elevation_model_may_be_an_asset() -> None:
+def test_an_elevation_model_may_be_an_asset_or_in_a_folder() -> None:
     dem = {"driver": "GTiff", "width": 9, "height": 9, "count": 1, "dtype": "float32", "crs": "EPSG:32610"}
     with rasterio.open("dem.tif", "w", **dem, transform=rasterio.Affine(9, 0, 5e5, 0, -9, 4e6)) as file:
         file.write(np.arange(81, dtype=np.float32).reshape(1, 9, 9))
     write_item("dem.json", elevation="dem.tif")
-    assert Dem.open("dem.json#elevation").name == Dem.open("dem.tif").name == "dem.tif"
+    Path("dems").mkdir()
+    shutil.copy("dem.tif", "dems")
+    for source in ("dem.json#elevation", "dem.tif", "dems", "d*m.tif"):
+        assert Dem.open(source).name == "dem.tif"
 
 
 def test_a_picture_without_its_polarity_is_refused_as_an_asset_too() -> None:
