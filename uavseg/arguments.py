@@ -145,10 +145,6 @@ def _is_text(value: Any) -> bool:
     return isinstance(value, str) and "\0" not in value
 
 
-def _is_truth(value: Any) -> bool:
-    return isinstance(value, bool) or type(value).__name__ in ("bool_", "bool")
-
-
 def _is_sequence(value: Any) -> bool:
     if isinstance(value, str | bytes):
         return False
@@ -173,7 +169,7 @@ def _holds_numbers(value: Any) -> bool:
 _SIMPLE: dict[Any, tuple[Check, str]] = {
     float: (_is_number, "a number"),
     int: (_is_whole, "a whole number"),
-    bool: (_is_truth, "True or False"),
+    bool: (lambda value: type(value).__name__ in ("bool_", "bool"), "True or False"),
     str: (_is_text, "a text"),
     None: (lambda value: value is None, "None"),
     type(None): (lambda value: value is None, "None"),

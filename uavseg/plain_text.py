@@ -83,6 +83,7 @@ _REPHRASED = (
     (r"^(too many|not enough) values to unpack.*", "a list in it is of a wrong length"),
     (r"^(VSIFReadL\(|Read of \d+ bytes).* failed.*", "the file ends too early"),
     (r"\b0x[0-9a-fA-F]{6,}", "..."),
+    (r"^<urlopen error (?:\[Errno -?\d+\] )?(.*)>$", r"\1"),
     (r".*do not form a closed linestring.*", "a ring is not closed: its last point is not its first"),
 )
 

@@ -1,5 +1,6 @@
 """A cloud-optimised GeoTIFF read over HTTP, locally and by workers: the same bytes as from the disk."""
 
+import json
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -89,6 +90,45 @@ def test_a_block_map_finds_its_raster_on_the_server(server: Server, cog: Path, t
         assert CliRunner().invoke(main, divide).exit_code == 0
     found = extracted(tmp_path / "blocks.tif", tmp_path / "b.shp", "--allow-network")
     assert found == extracted(cog, tmp_path / "disk.shp")
+
+
+def test_an_asset_of_an_item_on_the_server_is_the_file(server: Server, cog: Path, tmp_path: Path) -> None:
+    (cog.parent / "items" / "north east").mkdir(parents=True)
+    (cog.parent / "items" / "north east" / "tile.tif").write_bytes(cog.read_bytes())
+    hrefs = {"near": "north%20east/tile.tif", "space": "./north east/tile.tif", "above": "../tile.tif"}
+    hrefs |= {"root": "/tile.tif", "full": f"{server.url}/tile.tif"}
+    refused = {
+        "other": ("http://127.0.0.1:9/a.tif", "names the address http://127.0.0.1:9/a.tif; allow requests"),
+        "network": ("//127.0.0.1:9/a.tif", "names the address http://127.0.0.1:9/a.tif; allow requests"),
+        "lookalike": (f"{server.url}0/a.tif", f"names the address {server.url}0/a.tif; allow requests"),
+        "bucket": ("s3://bucket/a.tif", "names the address s3://bucket/a.tif; allow requests"),
+        "local": (f"file://{cog}", "neither a file nor an address"),
+        "described": ("a.vrt", f"names the address {server.url}/items/a.vrt; allow requests"),
+    }
+    assets = {key: {"href": href} for key, href in hrefs.items()}
+    assets |= {key: {"href": href} for key, (href, _) in refused.items()}
+    item = {"type": "Feature", "stac_version": "1.1.0", "assets": assets}
+    (cog.parent / "items" / "item.json").write_text(json.dumps(item))
+    expected = extracted(cog, tmp_path / "disk.shp")
+    for key in hrefs:
+        assert extracted(f"{server.url}/items/item.json#{key}", tmp_path / "o.shp", "--overwrite") == expected
+    assert extracted(f"/vsicurl/{server.url}/items/item.json?a=1#near", tmp_path / "v.shp") == expected
+    told = {key: text for key, (_, text) in refused.items()}
+    told |= {"": "is a STAC item", "rot": "has no asset 'rot' with an address; of its assets, name one: "}
+    for key, text in told.items():
+        result = CliRunner().invoke(main, ["info", f"{server.url}/items/item.json#{key}"])
+        assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1 and text in result.stderr
+
+
+@pytest.mark.parametrize(
+    ("path", "text"), [("gone.json", "HTTP Error 404"), ("list.json", "a value in it is of a wrong kind")]
+)
+def test_an_address_without_an_item_is_one_line(server: Server, cog: Path, path: str, text: str) -> None:
+    (cog.parent / "list.json").write_text("[]")
+    for end in ("", "#red"):
+        result = CliRunner().invoke(main, ["info", f"{server.url}/{path}{end}"])
+        assert result.exit_code == 1 and len(result.stderr.splitlines()) == 1
+        assert f"{server.url}/{path} cannot be read as a STAC item ({text}" in result.stderr
 
 
 def test_a_file_missing_on_the_server_is_one_line(server: Server) -> None:

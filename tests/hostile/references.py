@@ -6,7 +6,7 @@ from random import Random
 from tests.hostile import seeds
 from tests.hostile.block_maps import description, with_description
 from tests.hostile.case import Case, chosen
-from tests.hostile.mutate import words_mutated
+from tests.hostile.mutate import json_mutated, words_mutated
 
 VRT = """<VRTDataset rasterXSize="8" rasterYSize="8"><VRTRasterBand dataType="Byte" band="1"{raw}>
 <{source}><SourceFilename relativeToVRT="0">{name}</SourceFilename><SourceBand>1</SourceBand>
@@ -50,7 +50,7 @@ def case(rng: Random, address: str) -> Case:
             "/vsisubfile/0_64,../outside/secret.bin",
         )
     )
-    kind = rng.randrange(7)
+    kind = rng.randrange(8)
     if kind < 3:
         raw = chosen(rng, 0.5)
         source = "SimpleSource" if not raw else ""
@@ -73,6 +73,13 @@ def case(rng: Random, address: str) -> Case:
             (("extract", "b.tif", "--range", "0,1", "-o", "out.geojson", "--threads", "1"),),
         )
     x = seeds.vectors()["x.tif"]
+    if kind == 7:
+        assets = {"a": {"href": rng.choice((name, "x.tif"))}, "b": {"href": name, "type": "image/tiff"}}
+        item = json.dumps({"type": "Feature", "stac_version": "1.0.0", "assets": assets}).encode()
+        content = rng.choice((json_mutated, words_mutated, lambda item, _: item))(item, rng)
+        source = rng.choice(("item.json#a", "item.json#a", "item.json#b", "item.json#c", "item.json"))
+        words = tuple(source if word == "x.tif" else word for word in rng.choice(RASTER_COMMANDS))
+        return Case({"item.json": content, "x.tif": x, "r.geojson": seeds.vectors()["r.geojson"]}, (words,))
     if kind == 5:
         link = {"crs": {"type": "link", "properties": {"href": name, "type": "proj4"}}}
         content = json.dumps(json.loads(seeds.vectors()["hand.geojson"]) | link).encode()

@@ -67,11 +67,11 @@ def extract(
     ----------
     source : path, sequence of paths, array, DataArray, open raster of rasterio, or Dataset
         Many paths are one mosaic, and so are a folder of rasters, a pattern (``"tiles/*.tif"``) and the names
-        in a text file (``"@list.txt"``); `each` answers for each one by itself. The path of a block map is
-        answered from it, and refined with its raster where that is at hand. An array of
-        numpy (or dask, ...) is (rows, cols), or has at most 16 bands first or last; it has no place on the
-        map, and what a masked array masks is left out. A DataArray (which needs rioxarray) lies where its
-        coordinates say, or its transform where it has none; rows, columns and bands may come in any order.
+        in a text file (``"@list.txt"``); `each` answers for each one by itself. ``"item.json#visual"`` is an
+        asset of a STAC item. The path of a block map is answered from it, and refined with its raster where
+        that is at hand. An array of numpy (or dask, ...) is (rows, cols), or has at most 16 bands first or
+        last; it has no place on the map, and what a masked array masks is left out. A DataArray (which needs
+        rioxarray) lies where its coordinates say, else its transform; rows, columns, bands in any order.
     range : (float, float), optional
         Of v in [0, 1], both ends in it. Exactly one of `range`, `values`, `percentile` and `classes` is
         given; the first three may be texts, such as "0.55,1".

@@ -62,8 +62,8 @@ def levels(options: LevelsOptions) -> None:
     share their borders. RASTER may also be a block map from `uavseg divide`, or the YAML file of a ROS map,
     which is never stretched. For another map of probabilities, say --stretch none.
 
-    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
-    rasters are one mosaic, unless --each is given.
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names), ITEM.json#ASSET (of STAC) or -
+    (names on standard input). Its rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source

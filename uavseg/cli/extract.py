@@ -23,8 +23,8 @@ _LISTED = 12  # classes in the table at the end
 def command(options: ExtractOptions) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
-    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
-    rasters are one mosaic, unless --each is given.
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names), ITEM.json#ASSET (of STAC) or -
+    (names on standard input). Its rasters are one mosaic, unless --each is given.
 
     RASTER may also be a block map from `uavseg divide`. With --mission, a flight over the regions is planned
     too; see `uavseg plan --help` for how.

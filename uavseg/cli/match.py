@@ -51,8 +51,8 @@ def command(options: MatchOptions) -> None:
 
     Each region has its similarity, 1 where it is as like the sample as the sample is to itself.
 
-    RASTER may be a folder, a pattern in quotes, @LIST (a file of names) or - (names on standard input). Its
-    rasters are one mosaic, unless --each is given.
+    RASTER may be a folder, a pattern in quotes, @LIST (a file of names), ITEM.json#ASSET (of STAC) or -
+    (names on standard input). Its rasters are one mosaic, unless --each is given.
     """
     from uavseg.jobs.match.match import each_answer, match, with_answers
     from uavseg.jobs.match.request import ANSWERS

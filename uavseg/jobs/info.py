@@ -58,7 +58,8 @@ def info(source: Pixels, work: Work = SERIAL, named: Sequence[str] = ()) -> Summ
 def names_regions(source: Any) -> bool:
     """Return whether a source of `info` is a file of regions, rather than rasters."""
     parts = source if isinstance(source, list | tuple) else [source]
-    return len(parts) == 1 and isinstance(parts[0], str | os.PathLike) and is_region_file(parts[0])
+    path = parts[0] if len(parts) == 1 else None
+    return isinstance(path, str | os.PathLike) and is_region_file(path) and not is_list(path)
 
 
 def info_regions(source: Any, options: ReadOptions = ReadOptions()) -> RegionFile:

@@ -12,9 +12,7 @@ from uavseg.errors import UavsegError
 from uavseg.output.targets import check_not_inputs, existing_files
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, is_remote
-from uavseg.raster.read.source_list import expand_sources
-
-_ROS = (".yaml", ".yml")
+from uavseg.raster.read.source_list import expand_sources, item_and_asset
 
 
 def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
@@ -31,36 +29,25 @@ def keep_inputs(outputs: Iterable[Path_ | None], inputs: Iterable[Any]) -> None:
 def _paths(inputs: Iterable[Any]) -> Iterator[str]:
     for given in inputs:
         if isinstance(given, str | os.PathLike):
-            yield from _named(given)
+            yield from (item_and_asset(os.fspath(given)) or ())[:1]
+            try:
+                yield from expand_sources([given])
+            except UavsegError:
+                yield os.fspath(given)  # the error is reported when it is opened
         elif isinstance(given, list | tuple):
             yield from _paths(given)
 
 
-def _named(path: Path_) -> list[str]:
-    """Return the files that a path stands for."""
-    try:
-        return expand_sources([path])
-    except UavsegError:
-        return [os.fspath(path)]  # the error is reported when it is opened
-
-
 def _files_read(path: str) -> list[str]:
-    suffix = Path(path).suffix.lower()
-    if suffix in _ROS:
-        return [path, *_ros_image(path)]
+    if Path(path).suffix.lower() in (".yaml", ".yml"):
+        from uavseg.occupancy.ros.ros_map import read_ros_yaml
+
+        with suppress(UavsegError):  # it is reported when the map is opened
+            return [path, os.fspath(read_ros_yaml(path).image)]
     if not Path(path).is_file():
         return [path]
     files, tags = raster_files(path)
     return [*files, *_block_map_rasters(path, tags)]
-
-
-def _ros_image(path: str) -> list[str]:
-    from uavseg.occupancy.ros.ros_map import read_ros_yaml
-
-    try:
-        return [os.fspath(read_ros_yaml(path).image)]
-    except UavsegError:
-        return []  # the error is reported when the map is opened
 
 
 def _block_map_rasters(path: str, tags: Mapping[str, str]) -> list[str]:

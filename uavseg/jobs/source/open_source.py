@@ -77,6 +77,7 @@ def open_probability_map(source: Any, options: ReadOptions = ReadOptions()) -> P
     chosen. A picture (PGM, PNG, ...) does not say whether free is white or black, so that has to be chosen:
     MapError is raised if it is given without its YAML file and this is not said.
     """
+    source = _expanded(source)
     picture = _is_path(source) and Path(source).suffix.lower() in _PICTURES
     if options.free_is_white is not None and not picture:
         raise ParameterError("--free-is-white and --free-is-black are for a picture without its YAML file")
@@ -138,7 +139,8 @@ def _expanded(source: Any) -> Any:
     parts = [source] if _is_path(source) else source
     if not isinstance(parts, list | tuple) or not any(_is_path(part) and is_list(part) for part in parts):
         return source
-    return [one for part in parts for one in (expand_sources([part]) if _is_path(part) else [part])]
+    found = [one for part in parts for one in (expand_sources([part]) if _is_path(part) else [part])]
+    return found[0] if len(found) == 1 else found
 
 
 def _is_grid(source: Any) -> bool:

@@ -23,6 +23,7 @@ from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_t
 from uavseg.raster.geodesy import globe
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.read.source_list import expand_sources
 from uavseg.warning_filters import changing_filters
 
 SIDE = 256
@@ -205,7 +206,7 @@ class Dem:
         band or pixels of 8 bits, depths instead of heights, a unit that is not known, or none although its
         coordinates are in feet, or that files differ in these, a MosaicError that they do not fit together.
         """
-        paths = [sources] if isinstance(sources, str | os.PathLike) else list(sources)
+        paths = expand_sources([sources] if isinstance(sources, str | os.PathLike) else sources)
         if not paths:
             raise ParameterError("there is no elevation model to open; give at least one")
         dataset = Dataset.open(paths, band=1)
