@@ -50,6 +50,7 @@ def extract(
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
+    stats: str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -112,6 +113,10 @@ def extract(
         Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
     simplify : float, optional
         Metres; smoothed outlines are simplified. Columns stay those of the pixels.
+    stats : {"bands"}, optional
+        Columns mean_<band>, std_<band>, min_<band> and max_<band> of every band but alpha, in the raster's own
+        values without nodata: a pixel counts by the part of it that lies in the region as drawn. Needs
+        exactextract: ``pip install "uavseg[stats]"``. Not of a block map.
     tile, threads : int, optional
         Change no result.
     progress : callable or bool, optional
@@ -181,6 +186,7 @@ def levels(
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
+    stats: str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,

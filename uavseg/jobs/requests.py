@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
+from functools import partial
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
@@ -47,14 +48,19 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
     else:
         find, request = _match(options)
     opened = open_all_bands if isinstance(options, MatchOptions) else open_source
-    return RegionJob(options.read, lambda source, work: find(source, request, work), request, opened)
+    answer: Callable[[Source, Work], Extraction] = lambda source, work: find(source, request, work)
+    if options.drawing.stats is not None:
+        from uavseg.jobs.result.band_statistics import find_with_statistics
+
+        answer = partial(find_with_statistics, answer)
+    return RegionJob(options.read, answer, request, opened)
 
 
 def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, Any]:
     """Return how regions are drawn, and which are left out: what the requests have in common."""
     sizes, drawing = options.sizes, options.drawing
     return {
-        "drawing": Drawing(drawing.smooth_outline, drawing.simplify),
+        "drawing": Drawing(drawing.smooth_outline, drawing.simplify, drawing.stats),
         "fill_holes": as_area(sizes.fill_holes),
         "min_area": as_area(sizes.min_area),
         "detail": as_length(sizes.detail),

@@ -114,6 +114,12 @@ class DrawingOptions(Options):
         metavar="METRES",
         label="Simplify outlines within",
     )
+    stats: str | None = option(
+        "Add the mean, standard deviation, minimum and maximum of each band in each region, in the raster's "
+        "own values; a pixel counts by the part of it that lies in the region.",
+        choices=("bands",),
+        label="Add statistics",
+    )
 
 
 class ExtractOptions(TiledJobOptions):
@@ -363,7 +369,7 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions, "smooth_outline", simplify={"help": "Simplify outlines; shared borders stay shared."}
+        DrawingOptions, "smooth_outline", "stats", simplify={"help": "Simplify outlines; shared borders stay shared."}
     )
     each: EachOptions = group(EachOptions)
 

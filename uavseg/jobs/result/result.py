@@ -119,12 +119,18 @@ _MAX_METRES = 1e8  # more than twice around the Earth
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How outlines, not attributes, are smoothed and simplified; ParameterError if negative or not finite."""
+    """How outlines, not attributes, are smoothed and simplified; ParameterError if negative or not finite.
+
+    `stats` is "bands" where attributes of the outlines as drawn follow, see `band_statistics`.
+    """
 
     smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
     simplify_m: float | None = None  # tolerance, see `simplify`
+    stats: str | None = None
 
     def __post_init__(self) -> None:
+        if self.stats not in (None, "bands"):
+            raise ParameterError(f"stats are of bands, so it is \"bands\" or None, not {self.stats!r}")
         for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
             if metres is not None and not 0 <= metres < float("inf"):
                 raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
@@ -249,6 +255,7 @@ def drawing_facts(
         "min_area": _area(min_area),
         "smooth_outline_m": drawing.smooth_m,
         "simplify_m": drawing.simplify_m,
+        "stats": drawing.stats,
     }
 
 
