@@ -76,7 +76,7 @@ def with_statistics(regions: Regions, dataset: Dataset) -> Regions:
     They are of the valid pixels, in the raster's own units, each weighted by the part of it that lies in the
     polygon; NaN where there are none.
     """
-    bands = [(name, _Band(band)) for name, band in bands_of(dataset).items()]
+    bands = [(name, _Band(name, band)) for name, band in bands_of(dataset).items()]
     operations = [
         Operation(statistic, f"{column}_{name}", band)
         for name, band in bands
@@ -97,8 +97,8 @@ def with_statistics(regions: Regions, dataset: Dataset) -> Regions:
 class _Band(NumPyRasterSource):  # type: ignore[misc]
     """The values of a band, read by windows, in pixels."""
 
-    def __init__(self, dataset: Dataset) -> None:
-        super().__init__(np.broadcast_to(np.nan, dataset.geobox.shape))  # its shape alone is used
+    def __init__(self, name: str, dataset: Dataset) -> None:  # bands of one name are taken for one
+        super().__init__(np.broadcast_to(np.nan, dataset.geobox.shape), name=name)  # its shape alone is used
         self.dataset = dataset
 
     def read_window(self, col: int, row: int, cols: int, rows: int) -> Values:
