@@ -118,7 +118,6 @@ class DrawingOptions(Options):
         "Add the mean, standard deviation, minimum and maximum of each band in each region, in the raster's "
         "own values; a pixel counts by the part of it that lies in the region.",
         choices=("bands",),
-        label="Add statistics",
     )
 
 
