@@ -26,7 +26,7 @@ from geopandas.testing import assert_geodataframe_equal
 import uavseg
 from uavseg.cli import main
 from uavseg.errors import MissingLibraryError, ParameterError, RasterReadError
-from uavseg.jobs.result import band_statistics
+from uavseg.jobs.result import result as results
 
 Image = NDArray[Any]
 NORTH_UP = Affine(2, 0, 4e5, 0, -2, 5e6)
@@ -112,7 +112,7 @@ def test_they_are_those_of_the_pixels_of_the_label(kind: str, tmp_path: Path) ->
     assert len(frame) >= 3 and np.array_equal(np.bincount(labels.ravel())[1:], frame["pixels"])
     wanted = [[plain(band, labels == label) for band in values] for label in frame["id"]]
     assert columns(frame, names) == pytest.approx(np.array(wanted), rel=1e-9, abs=1e-9, nan_ok=True)
-    added = [f"{one}_{name}" for name in names for one in ("mean", "std", "min", "max")]
+    added = [f"{one}_{name}" for one in ("mean", "std", "min", "max") for name in names]
     before = uavseg.extract(path, **words | {"stats": None})
     assert list(frame.columns) == [*before.columns[:-1], *added, "geometry"]
     assert_geodataframe_equal(frame[list(before.columns)], before)
@@ -126,7 +126,7 @@ def test_the_chunks_that_are_read_make_no_difference_but_of_rounding(
 ) -> None:
     path, _, names = uint8(tmp_path)
     whole = columns(uavseg.extract(path, **WORDS), names)
-    monkeypatch.setattr(band_statistics, "_PIXELS", 3 * 1000)  # 6 rows
+    monkeypatch.setattr(results, "_AT_ONCE", 3 * 1000)  # 6 rows
     assert columns(uavseg.extract(path, **WORDS), names) == pytest.approx(whole, rel=1e-12)
 
 
@@ -139,7 +139,9 @@ def test_rasterio_masks_the_same_pixels(tmp_path: Path) -> None:
     assert columns(frame, names) == pytest.approx(np.array(wanted, float), rel=1e-9)
 
 
-@pytest.mark.parametrize("drawn", [{"simplify": 5}, {"smooth_outline": 1}, {"smooth_outline": 1, "simplify": 3}])
+@pytest.mark.parametrize(
+    "drawn", [{"simplify": 5}, {"smooth_outline": 1}, {"smooth_outline": 1, "simplify": 3}]
+)
 def test_a_pixel_counts_by_the_part_of_it_in_the_region(drawn: dict[str, Any], tmp_path: Path) -> None:
     path, values, names = uint8(tmp_path)
     frame = uavseg.extract(path, **WORDS, min_area="40px", **drawn)
@@ -149,7 +151,9 @@ def test_a_pixel_counts_by_the_part_of_it_in_the_region(drawn: dict[str, Any], t
     parts = [shapely.area(shapely.intersection(boxes, polygon)) / 4 for polygon in frame.geometry]
     assert any(((part > 0.01) & (part < 0.99)).any() for part in parts)
     wanted = [[plain(band, np.where(part < 1e-6, 0, part)) for band in values] for part in parts]
-    assert columns(frame, names) == pytest.approx(np.array(wanted), rel=1e-5)  # exactextract has float32 parts
+    assert columns(frame, names) == pytest.approx(
+        np.array(wanted), rel=1e-5
+    )  # exactextract has float32 parts
 
 
 def test_a_mosaic_gives_what_one_file_gives(tmp_path: Path) -> None:
@@ -159,6 +163,17 @@ def test_a_mosaic_gives_what_one_file_gives(tmp_path: Path) -> None:
     east = write(tmp_path / "east.tif", image[:, :, 64:], NORTH_UP * Affine.translation(64, 0))
     one, two = (uavseg.extract(source, **WORDS).drop(columns="source") for source in (path, [west, east]))
     assert_geodataframe_equal(one, two)
+
+
+def test_arrays_and_single_bands_have_them() -> None:
+    values = picture(2, "float32", 8)
+    for image, names in ((values, ["b1", "b2"]), (values[0], ["b1"])):
+        frame = uavseg.extract(image, **WORDS, **({"band": 1} if image.ndim == 3 else {}), stretch="0,255")
+        shapes = zip(frame.geometry, frame["id"], strict=True)
+        labels = rasterize(shapes, values.shape[1:], transform=Affine.identity(), dtype="int32")
+        planes = image.reshape(-1, *values.shape[1:]).astype(float)
+        wanted = [[plain(band, labels == label) for band in planes] for label in frame["id"]]
+        assert len(frame) and columns(frame, names) == pytest.approx(np.array(wanted), rel=1e-9)
 
 
 def test_an_area_of_interest_bounds_and_alpha_leave_pixels_out(tmp_path: Path) -> None:
@@ -234,7 +249,19 @@ def test_files_hold_the_columns(suffix: str, tmp_path: Path) -> None:
         pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     path, _, names = uint8(tmp_path)
     output = tmp_path / f"regions{suffix}"
-    words = ["extract", path, "--range", "0.5,1", "--refine", "pixels", "--stats", "bands", "-q", "-o", output]
+    words = [
+        "extract",
+        path,
+        "--range",
+        "0.5,1",
+        "--refine",
+        "pixels",
+        "--stats",
+        "bands",
+        "-q",
+        "-o",
+        output,
+    ]
     done = CliRunner().invoke(main, list(map(str, words)))
     assert done.exit_code == 0 and not done.stderr, done.output
     read = geopandas.read_parquet if suffix == ".parquet" else geopandas.read_file
@@ -261,7 +288,6 @@ def test_without_the_library_one_line_says_what_to_install(
 ) -> None:
     uint8(tmp_path)
     monkeypatch.setitem(sys.modules, "exactextract", None)
-    monkeypatch.delitem(sys.modules, band_statistics.__name__)
     with chdir(tmp_path):
         for output in ("a.gpkg", "a.parquet/"):
             words = ["extract", "rgb.tif", "--range", "0.5,1", "--stats", "bands", "-o", output]
@@ -284,7 +310,12 @@ def test_what_has_no_values_of_bands_is_refused_before_any_work(tmp_path: Path) 
     with rasterio.open(palette, "r+") as file:
         file.write_colormap(1, {0: (0, 0, 0, 255), 1: (200, 200, 200, 255)})
     apart = [
-        write(tmp_path / f"{n}.tif", picture(2, "uint16"), Affine(2, 0, 4e5 + 300 * n, 0, -2, 5e6), scales=(1, n + 1))
+        write(
+            tmp_path / f"{n}.tif",
+            picture(2, "uint16"),
+            Affine(2, 0, 4e5 + 300 * n, 0, -2, 5e6),
+            scales=(1, n + 1),
+        )
         for n in range(2)
     ]
     refused = {
@@ -297,7 +328,7 @@ def test_what_has_no_values_of_bands_is_refused_before_any_work(tmp_path: Path) 
         with pytest.raises(ParameterError, match=why), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             uavseg.extract(source, range=(0.5, 1), stats="bands", **words)
-    with pytest.raises(ParameterError, match='"bands" or None, not \'pixels\''):
+    with pytest.raises(ParameterError, match="\"bands\" or None, not 'pixels'"):
         uavseg.extract(path, **WORDS | {"stats": "pixels"})
 
 

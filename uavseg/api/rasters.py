@@ -114,9 +114,8 @@ def extract(
     simplify : float, optional
         Metres; smoothed outlines are simplified. Columns stay those of the pixels.
     stats : {"bands"}, optional
-        Columns mean_<band>, std_<band>, min_<band> and max_<band> of every band but alpha, in the raster's own
-        values without nodata: a pixel counts by the part of it that lies in the region as drawn. Needs
-        exactextract: ``pip install "uavseg[stats]"``. Not of a block map.
+        Adds mean_<band>, std_<band>, min_<band> and max_<band> of each band but alpha, in its own values; a
+        pixel counts by the part of it in the region as drawn. Needs ``pip install "uavseg[stats]"``.
     tile, threads : int, optional
         Change no result.
     progress : callable or bool, optional

@@ -35,7 +35,6 @@ from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.formats.export import check_region_folder, write_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import concatenate_sums, number_regions
-from uavseg.regions.table import Regions
 from uavseg.regions.tiles.partitions import PARTITION, PartitionJob, join_partitions
 from uavseg.regions.tiles.range_tiles import count_pixels, has_thin_lines, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -247,14 +246,9 @@ class Written:
     largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
-        return Written(
-            outlined=self.outlined + other.outlined,
-            below_minimum=self.below_minimum + other.below_minimum,
-            regions=self.regions + other.regions,
-            files=self.files + other.files,
-            area=self.area + other.area,
-            largest=max(self.largest, other.largest),
-        )
+        names = ("outlined", "below_minimum", "regions", "files", "area")
+        added: dict[str, Any] = {name: getattr(self, name) + getattr(other, name) for name in names}
+        return Written(**added, largest=max(self.largest, other.largest))
 
 
 def extract_partitions(
@@ -285,7 +279,8 @@ def extract_partitions(
     grey = with_statistics(grey, stretching)
     none = np.empty(0, np.int64)
     found = measure(number_regions(concatenate_sums([]), none, none, []), grey, detected, request)
-    found = replace(found, regions=_with_statistics(found.regions, grey, request))  # refused before any work
+    if request.drawing.stats is not None:
+        found = replace(found, regions=results.with_statistics(found.regions, grey.dataset))
     found = with_facts(found, source, request)
     with atomic_file(path, overwrite) as made:
         folder = made.absolute()
@@ -354,19 +349,12 @@ def _write_partition(
     corners = rings.vertices[rings.starts[np.searchsorted(rings.labels, regions.columns["id"])]]
     ids = corners.astype(np.int64) @ (grey.shape[1], 1) + 1  # a ring begins at its first pixel
     regions = replace(regions, columns=regions.columns | {"id": ids}, metadata=metadata)
-    regions = _with_statistics(regions, grey, request)
+    if request.drawing.stats is not None:
+        regions = results.with_statistics(regions, grey.dataset)
     write_regions(regions, Path(folder, _name(job.number)), overwrite=True)  # one that was sent twice
     pixels, areas = regions.columns["pixels"], regions.columns["area_m2"]
     largest = int(pixels[0]), float(areas[0])
     return replace(written, regions=len(regions), files=1, area=float(areas.sum()), largest=largest)
-
-
-def _with_statistics(regions: Regions, grey: GreySource, request: ExtractRequest) -> Regions:
-    if request.drawing.stats is None:
-        return regions
-    from uavseg.jobs.result.band_statistics import with_statistics
-
-    return with_statistics(regions, grey.dataset)
 
 
 def _name(number: int) -> str:

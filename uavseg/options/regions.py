@@ -115,8 +115,7 @@ class DrawingOptions(Options):
         label="Simplify outlines within",
     )
     stats: str | None = option(
-        "Add the mean, standard deviation, minimum and maximum of each band in each region, in the raster's "
-        "own values; a pixel counts by the part of it that lies in the region.",
+        "Add mean, deviation, minimum and maximum of each band, weighted by the parts of pixels within.",
         choices=("bands",),
     )
 
@@ -368,7 +367,9 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions, "smooth_outline", "stats", simplify={"help": "Simplify outlines; shared borders stay shared."}
+        DrawingOptions,
+        *("smooth_outline", "stats"),
+        simplify={"help": "Simplify outlines; shared borders stay shared."},
     )
     each: EachOptions = group(EachOptions)
 

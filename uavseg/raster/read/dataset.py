@@ -200,8 +200,7 @@ class Dataset:
         """Return the same raster with the intensity of one band; ParameterError if there is no such band."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
-        named = self.nodata if nodata is None else nodata
-        files, warnings = with_nodata(self.mosaic.files, choice, named)
+        files, warnings = with_nodata(self.mosaic.files, choice, self.nodata if nodata is None else nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
     @property
