@@ -57,7 +57,8 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
         results.bands_of(pixels.dataset)  # refused before any work
         found, work = find(source, request, work), replace(work.begun(), progress=None, started=None)
         with work.reading_here():
-            regions = results.with_statistics(found.regions, pixels.cleaned(work.over(pixels)))
+            dataset = pixels.cleaned(work.over(pixels))
+            regions = results.with_band_statistics(found.regions, dataset, request.drawing)
         notes = dict.fromkeys((*found.warnings, *work.bad_block_warnings))
         return replace(found, regions=regions, warnings=tuple(notes))
 

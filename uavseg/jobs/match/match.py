@@ -237,7 +237,7 @@ def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any
         metadata |= {"answer": request.answer, "answers": [ANSWERS[n] for n in made.answers]}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
-    metadata |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    metadata |= results.drawing_facts(request, request.fill_holes)
     return metadata
 
 

@@ -90,8 +90,7 @@ class SourceInfo:
             metadata = saved.stretch, saved.band_names, saved.stretch.warnings
             return cls(source.name, saved.geobox, *metadata, saved.geobox.crs is not None, saved.axis)
         dataset, stretch = source.dataset, source.stretch
-        warnings = dataset.warnings + stretch.warnings
-        metadata = stretch, dataset.band_names, warnings
+        metadata = stretch, dataset.band_names, dataset.warnings + stretch.warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
         return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.statistics)
 
@@ -146,6 +145,16 @@ class Drawing:
         return regions
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegionRequest:
+    """How regions are drawn and which are left out, of any job."""
+
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+    detail: Length | None = None  # structures that are narrower are left out
+    min_confidence: float | None = None  # regions of less are dropped at last
+
+
 def measured(
     outlined: RegionOutlines,
     info: SourceInfo,
@@ -176,8 +185,8 @@ def measured(
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     described = {one.name: getattr(info, one.name) for one in fields(info)}
-    found = Extraction(**described, regions=regions, rings=rings)
-    return replace(found, detected=detected, below_minimum=below_minimum)
+    described |= {"detected": detected, "below_minimum": below_minimum}
+    return Extraction(**described, regions=regions, rings=rings)
 
 
 @dataclass(frozen=True)
@@ -216,12 +225,14 @@ def bands_of(dataset: Dataset) -> dict[str, _Band]:
     return {name: _Band(one, scale_of(one), one.geobox.shape) for name, one in zip(names, read, strict=True)}
 
 
-def with_statistics(regions: Regions, dataset: Dataset) -> Regions:
-    """Return regions with mean_<band>, std_<band>, min_<band> and max_<band> of valid pixels, (n,) float64.
+def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -> Regions:
+    """Return regions, where it is asked for with mean_, std_, min_ and max_<band> of valid pixels.
 
-    Values are the raster's own. Each pixel is weighted by the part of it that lies in the polygon
-    (exactextract); NaN where there is none. Errors are those of `bands_of`.
+    They are (n,) float64 in the band's own values. Each pixel is weighted by the part of it that lies in the
+    polygon (exactextract); NaN where there is none. Errors are those of `bands_of`.
     """
+    if drawing.stats is None:
+        return regions
     bands, (rows, cols), t = bands_of(dataset), dataset.geobox.shape, ~dataset.geobox.transform
     from exactextract import exact_extract
     from exactextract.feature import JSONFeatureSource
@@ -294,20 +305,15 @@ def segment_facts(segment: SegmentParams) -> dict[str, Any]:
     return {**how, "intensity_step": step, "refine": segment.refine}
 
 
-def drawing_facts(
-    drawing: Drawing,
-    fill_holes: Area | None = None,
-    min_area: Area | None = None,
-    detail: Length | None = None,
-) -> dict[str, Any]:
+def drawing_facts(request: RegionRequest, fill_holes: Area | None = None) -> dict[str, Any]:
     """Return what was done to regions after they were outlined."""
     return {
-        "detail": None if detail is None else str(detail),
+        "detail": None if request.detail is None else str(request.detail),
         "fill_holes": _area(fill_holes),
-        "min_area": _area(min_area),
-        "smooth_outline_m": drawing.smooth_m,
-        "simplify_m": drawing.simplify_m,
-        "stats": drawing.stats,
+        "min_area": _area(request.min_area),
+        "smooth_outline_m": request.drawing.smooth_m,
+        "simplify_m": request.drawing.simplify_m,
+        "stats": request.drawing.stats,
     }
 
 
