@@ -100,8 +100,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
     """Return a result whose regions say what they were made from, and how."""
     how = results.range_facts(found.detected, found.axis) | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request, request.fill_holes)
-    how |= {"thin_lines": request.thin_lines or None, "min_confidence": request.min_confidence}
+    how |= {"thin_lines": request.thin_lines or None} | results.drawing_facts(request, request.fill_holes)
     return results.with_metadata(found, source, "extract", how)
 
 

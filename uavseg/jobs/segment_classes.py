@@ -240,7 +240,6 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     how |= results.drawing_facts(request, request.fill_holes)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    how |= {"min_confidence": request.min_confidence}
     return work.finished(results.with_metadata(result, source, "extract", how), *hints)
 
 
@@ -303,7 +302,7 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     notes = [*found.notes, *_notes(found.partition, request)]
     small = None if request.min_area is None else request.small
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request) | {"small": small, "min_confidence": request.min_confidence}
+    how |= {"small": small} | results.drawing_facts(request)
     result = results.with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions) and result.below_minimum:
         notes.append(none_confident(result.below_minimum, request.min_confidence))

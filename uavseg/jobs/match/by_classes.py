@@ -90,12 +90,8 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     result = results.measured(outlined, info, (0.0, 1.0), drawing, columns, confidence=confidence)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    how = {
-        "classes": request.classes,
-        "refine": request.refine,
-        "bands": request.bands or ("all" if raster.all_bands else None),
-        "min_confidence": request.min_confidence,
-    }
+    compared = request.bands or ("all" if raster.all_bands else None)
+    how = {"classes": request.classes, "refine": request.refine, "bands": compared}
     how |= results.drawing_facts(request, request.fill_holes)
     return work.finished(results.with_metadata(result, raster, "match", how), *hints)
 

@@ -314,6 +314,7 @@ def drawing_facts(request: RegionRequest, fill_holes: Area | None = None) -> dic
         "smooth_outline_m": request.drawing.smooth_m,
         "simplify_m": request.drawing.simplify_m,
         "stats": request.drawing.stats,
+        "min_confidence": request.min_confidence,
     }
 
 
