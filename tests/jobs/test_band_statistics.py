@@ -269,6 +269,16 @@ def test_files_hold_the_columns(suffix: str, tmp_path: Path) -> None:
     assert columns(found, names) == pytest.approx(columns(wanted, names), rel=1e-11)
 
 
+def test_a_shapefile_in_which_two_names_would_be_one_is_refused(tmp_path: Path) -> None:
+    names = ("rededge1", "rededge2")
+    path, output = write(tmp_path / "a.tif", picture(2, "uint8"), descriptions=names), tmp_path / "a.shp"
+    words = f"extract {path} --band 1 --range 0.5,1 --stats bands -q -o {output}"
+    done = CliRunner().invoke(main, words.split())
+    assert done.exit_code != 0 and "ten characters: two columns share one" in done.stderr
+    assert [one.name for one in tmp_path.iterdir()] == ["a.tif"]
+    assert CliRunner().invoke(main, words.replace(".shp", ".gpkg").split()).exit_code == 0
+
+
 def test_levels_classes_and_a_folder_have_them_too(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     path, values, names = uint8(tmp_path)
