@@ -174,6 +174,7 @@ ONLY_IN = {
     "lz4": {"occupancy.bags"},
     "PIL": {"photographs", "plot", "segmentation.blocks.block_map"},
     "defusedxml": {"photographs"},
+    "exactextract": {"jobs.result"},
 }
 
 

@@ -17,6 +17,8 @@ LINES = tuple(
     for line in (
         f"extract x.tif --range 0.5,1 -o out.geojson {DIVISION} {RUN} --min-area 5 --fill-holes 5px --simplify 1",
         f"extract x.tif --range 0.5,1 -o out.geojson --flatten 40px {RUN}",
+        f"extract rgb.tif --range 0.5,1 -o out.gpkg --stats bands --band-names red,green,blue {RUN}",
+        f"levels x.tif --width 0.3 -o out.shp --stats bands {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --thin-lines --flatten 40px {RUN}",
         f"divide x.tif -o out.tif --flatten 60 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --crs EPSG:3857 {RUN}",

@@ -50,6 +50,7 @@ def extract(
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
+    stats: str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,
@@ -112,6 +113,9 @@ def extract(
         Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
     simplify : float, optional
         Metres; smoothed outlines are simplified. Columns stay those of the pixels.
+    stats : {"bands"}, optional
+        Adds mean_<band>, std_<band>, min_<band> and max_<band> of each band but alpha, in its own values; a
+        pixel counts by the part of it in the region as drawn. Needs ``pip install "uavseg[stats]"``.
     tile, threads : int, optional
         Change no result.
     progress : callable or bool, optional
@@ -181,6 +185,7 @@ def levels(
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
     simplify: float | None = None,
+    stats: str | None = None,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,

@@ -22,12 +22,11 @@ from uavseg.execution.checkpoint import stage_folder
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges import ranges
 from uavseg.jobs.result import result as results
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo, measured
+from uavseg.jobs.result.result import Extraction, RegionRequest, SourceInfo, measured
 from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, detail_of, refuse_at_cells
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
-from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import DetectedRange, ValueRange
 from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
@@ -48,7 +47,7 @@ Measured = GreySource | Blocks
 
 
 @dataclass(frozen=True, slots=True)
-class ExtractRequest:
+class ExtractRequest(RegionRequest):
     """Which regions, and how they are drawn.
 
     In this order: thin lines are added where their contrast along 15 pixels is significant; structures
@@ -62,11 +61,7 @@ class ExtractRequest:
 
     interval: ranges.AnyRange  # in v, values in the units of the raster, or percentiles of them
     segment: SegmentParams = SegmentParams()
-    drawing: Drawing = Drawing()
     fill_holes: Area | None = None  # holes of less are filled
-    min_area: Area | None = None
-    detail: Length | None = None
-    min_confidence: float | None = None
     thin_lines: bool = False  # of 1 to 3 pixels
 
     def __post_init__(self) -> None:
@@ -105,8 +100,7 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
     """Return a result whose regions say what they were made from, and how."""
     how = results.range_facts(found.detected, found.axis) | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    how |= {"thin_lines": request.thin_lines or None, "min_confidence": request.min_confidence}
+    how |= {"thin_lines": request.thin_lines or None} | results.drawing_facts(request, request.fill_holes)
     return results.with_metadata(found, source, "extract", how)
 
 
@@ -246,14 +240,9 @@ class Written:
     largest: tuple[int, float] = (0, 0.0)  # pixels and area of the largest
 
     def __add__(self, other: "Written") -> "Written":
-        return Written(
-            outlined=self.outlined + other.outlined,
-            below_minimum=self.below_minimum + other.below_minimum,
-            regions=self.regions + other.regions,
-            files=self.files + other.files,
-            area=self.area + other.area,
-            largest=max(self.largest, other.largest),
-        )
+        names = ("outlined", "below_minimum", "regions", "files", "area")
+        added: dict[str, Any] = {name: getattr(self, name) + getattr(other, name) for name in names}
+        return Written(**added, largest=max(self.largest, other.largest))
 
 
 def extract_partitions(
@@ -285,6 +274,7 @@ def extract_partitions(
     none = np.empty(0, np.int64)
     found = measure(number_regions(concatenate_sums([]), none, none, []), grey, detected, request)
     found = with_facts(found, source, request)
+    empty = results.with_band_statistics(found.regions, grey.dataset, request.drawing)
     with atomic_file(path, overwrite) as made:
         folder = made.absolute()
         folder.mkdir()
@@ -302,7 +292,7 @@ def extract_partitions(
         if request.min_confidence is not None:
             found = replace(found, below_minimum=written.below_minimum)
         if not written.files:  # readers find no columns in an empty folder
-            write_regions(found.regions, folder / _name(0))
+            write_regions(empty, folder / _name(0))
             found = replace(found, nothing=why_none(found, written.outlined, grey, request, writing))
     return work.finished(found, *([found.nothing] if found.nothing else [])), written
 
@@ -352,6 +342,7 @@ def _write_partition(
     corners = rings.vertices[rings.starts[np.searchsorted(rings.labels, regions.columns["id"])]]
     ids = corners.astype(np.int64) @ (grey.shape[1], 1) + 1  # a ring begins at its first pixel
     regions = replace(regions, columns=regions.columns | {"id": ids}, metadata=metadata)
+    regions = results.with_band_statistics(regions, grey.dataset, request.drawing)
     write_regions(regions, Path(folder, _name(job.number)), overwrite=True)  # one that was sent twice
     pixels, areas = regions.columns["pixels"], regions.columns["area_m2"]
     largest = int(pixels[0]), float(areas[0])

@@ -2,14 +2,16 @@
 
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.jobs.extract import ExtractRequest, extract
+from uavseg.jobs.result import result as results
 from uavseg.jobs.result.result import Drawing, Extraction
-from uavseg.jobs.source.open_source import open_all_bands, open_source
+from uavseg.jobs.source.open_source import open_all_bands, open_source, pixels_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.options.classes import classes_of_options, requested_range
@@ -47,14 +49,27 @@ def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> Region
     else:
         find, request = _match(options)
     opened = open_all_bands if isinstance(options, MatchOptions) else open_source
-    return RegionJob(options.read, lambda source, work: find(source, request, work), request, opened)
+
+    def answer(source: Source, work: Work) -> Extraction:
+        if options.drawing.stats is None:
+            return find(source, request, work)
+        pixels = pixels_of(source, "--stats reads the bands of the raster; give it in place of its block map")
+        results.bands_of(pixels.dataset)  # refused before any work
+        found, work = find(source, request, work), replace(work.begun(), progress=None, started=None)
+        with work.reading_here():
+            dataset = pixels.cleaned(work.over(pixels))
+            regions = results.with_band_statistics(found.regions, dataset, request.drawing)
+        notes = dict.fromkeys((*found.warnings, *work.bad_block_warnings))
+        return replace(found, regions=regions, warnings=tuple(notes))
+
+    return RegionJob(options.read, answer, request, opened)
 
 
 def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, Any]:
     """Return how regions are drawn, and which are left out: what the requests have in common."""
     sizes, drawing = options.sizes, options.drawing
     return {
-        "drawing": Drawing(drawing.smooth_outline, drawing.simplify),
+        "drawing": Drawing(drawing.smooth_outline, drawing.simplify, drawing.stats),
         "fill_holes": as_area(sizes.fill_holes),
         "min_area": as_area(sizes.min_area),
         "detail": as_length(sizes.detail),
@@ -104,16 +119,8 @@ def _match(options: MatchOptions) -> tuple[Find, Any]:
             request = with_answers(source, request, options.ask, work)
         return match(source, request, work).found
 
-    return find, MatchRequest(
-        like=samples_of(options.like),
-        unlike=samples_of(options.unlike),
-        by=options.by,
-        answer=options.answer,
-        window=options.window,
-        similarity=options.similarity,
-        intensity=options.intensity,
-        **common,
-    )
+    common |= {name: getattr(options, name) for name in ("by", "answer", "window", "similarity", "intensity")}
+    return find, MatchRequest(like=samples_of(options.like), unlike=samples_of(options.unlike), **common)
 
 
 def suggest_request(options: SuggestOptions) -> "SuggestRequest":

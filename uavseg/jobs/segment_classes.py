@@ -13,7 +13,7 @@ from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.level_breaks import BreakChoice
 from uavseg.jobs.ranges.ranges import EACH_PIXEL, decided_grey, missed_text, where_to_look
 from uavseg.jobs.result import result as results
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
+from uavseg.jobs.result.result import Extraction, RegionRequest, SourceInfo
 from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, detail_of, refuse_at_cells
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
@@ -191,7 +191,7 @@ def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
 
 
 @dataclass(frozen=True, slots=True)
-class ClassesRequest:
+class ClassesRequest(RegionRequest):
     """Which classes, and how their regions are drawn.
 
     The rest is as of `ExtractRequest`: regions of any class within a hole that is filled become part of what
@@ -200,11 +200,7 @@ class ClassesRequest:
 
     classes: ValueClasses  # of v, after the stretch
     segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
-    drawing: Drawing = Drawing()
     fill_holes: Area | None = None
-    min_area: Area | None = None
-    detail: Length | None = None
-    min_confidence: float | None = None
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -240,12 +236,10 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
     result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
-    how: dict[str, Any] = {"classes": names}
-    how |= results.segment_facts(request.segment)
-    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    how: dict[str, Any] = {"classes": names} | results.segment_facts(request.segment)
+    how |= results.drawing_facts(request, request.fill_holes)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    how |= {"min_confidence": request.min_confidence}
     return work.finished(results.with_metadata(result, source, "extract", how), *hints)
 
 
@@ -268,7 +262,7 @@ def _why_none(classes: list[int], found: Segmented, request: ClassesRequest, sou
 
 
 @dataclass(frozen=True, slots=True)
-class LevelsRequest:
+class LevelsRequest(RegionRequest):
     """Which levels, and what becomes of small segments.
 
     Structures narrower than the detail become part of what is near; then segments of less than `min_area`
@@ -278,11 +272,7 @@ class LevelsRequest:
 
     levels: Levels | Breaks | BreakChoice  # of v, after the stretch
     segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
-    drawing: Drawing = Drawing()
-    min_area: Area | None = None
     small: Small = "merge"  # "merge" or "drop"
-    detail: Length | None = None
-    min_confidence: float | None = None  # segments of less are dropped at last
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -312,10 +302,7 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     notes = [*found.notes, *_notes(found.partition, request)]
     small = None if request.min_area is None else request.small
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | results.segment_facts(request.segment)
-    how |= results.drawing_facts(request.drawing, None, request.min_area, request.detail) | {
-        "small": small,
-        "min_confidence": request.min_confidence,
-    }
+    how |= {"small": small} | results.drawing_facts(request)
     result = results.with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions) and result.below_minimum:
         notes.append(none_confident(result.below_minimum, request.min_confidence))

@@ -39,7 +39,8 @@ def parse_range(name: str, text: str) -> AnyRange:
     """
     kind = name.removeprefix("--")
     try:
-        low, high = (_end(part, kind) for part in text.split(","))
+        parts = text.split(",")
+        low, high = (float(one) if one.strip() or kind == "range" else None for one in parts)
     except ValueError:
         raise ParameterError(
             f"{name} is two numbers with a comma between them, such as {_EXAMPLES[kind]}, not {shown(text)}"
@@ -75,10 +76,6 @@ def _end_of(name: str, end: Any) -> float:
         return float(end)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{name} is two numbers, and {shown(end)} is not one") from None
-
-
-def _end(text: str, kind: str) -> float | None:
-    return float(text) if text.strip() or kind == "range" else None
 
 
 def _range(name: str, low: float | None, high: float | None) -> AnyRange:

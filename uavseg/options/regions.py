@@ -114,6 +114,10 @@ class DrawingOptions(Options):
         metavar="METRES",
         label="Simplify outlines within",
     )
+    stats: str | None = option(
+        "Add mean, deviation, minimum and maximum of each band, weighted by the parts of pixels within.",
+        choices=("bands",),
+    )
 
 
 class ExtractOptions(TiledJobOptions):
@@ -363,7 +367,9 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions, "smooth_outline", simplify={"help": "Simplify outlines; shared borders stay shared."}
+        DrawingOptions,
+        *("smooth_outline", "stats"),
+        simplify={"help": "Simplify outlines; shared borders stay shared."},
     )
     each: EachOptions = group(EachOptions)
 

@@ -156,7 +156,8 @@ def classify(
         found = results.measured(outlined, info, ends, request.drawing, bounds)
         how = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
         how |= results.segment_facts(request.segment) | {"refine": request.refine}
-        how |= results.drawing_facts(request.drawing, None, request.min_area)
+        drawn = results.RegionRequest(drawing=request.drawing, min_area=request.min_area)
+        how |= results.drawing_facts(drawn)
         objects = results.with_metadata(found, source, "classify", how)
     doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(

@@ -16,11 +16,10 @@ from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import decided, phase
 from uavseg.jobs.match.ranges_of_sample import LEAST_PARTING, color_sources
 from uavseg.jobs.result import result as results
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
+from uavseg.jobs.result.result import Extraction, RegionRequest, SourceInfo
 from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
-from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import OF_CLASSES, Confidence, check_minimum, class_terms, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
@@ -36,7 +35,7 @@ from uavseg.units import MAX_PIXEL_CLASSES
 
 
 @dataclass(frozen=True, slots=True)
-class MatchClassesRequest:
+class MatchClassesRequest(RegionRequest):
     """Samples of several classes, in a file of polygons, and how their regions are drawn.
 
     The classes are in a column `class`. Bands are those whose intensity is compared, each by itself, by
@@ -45,12 +44,8 @@ class MatchClassesRequest:
 
     classes: str
     refine: str = "pixel"
-    drawing: Drawing = Drawing()
     fill_holes: Area | None = None
-    min_area: Area | None = None
     bands: tuple[int | str, ...] = ()
-    detail: Length | None = None
-    min_confidence: float | None = None
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.refine)
@@ -95,13 +90,9 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     result = results.measured(outlined, info, (0.0, 1.0), drawing, columns, confidence=confidence)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
-    how = {
-        "classes": request.classes,
-        "refine": request.refine,
-        "bands": request.bands or ("all" if raster.all_bands else None),
-        "min_confidence": request.min_confidence,
-    }
-    how |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
+    compared = request.bands or ("all" if raster.all_bands else None)
+    how = {"classes": request.classes, "refine": request.refine, "bands": compared}
+    how |= results.drawing_facts(request, request.fill_holes)
     return work.finished(results.with_metadata(result, raster, "match", how), *hints)
 
 

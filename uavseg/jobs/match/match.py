@@ -232,13 +232,11 @@ def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any
         any_intensity = made.color is not None or not np.isfinite(request.intensity)
         metadata |= {"intensity": "any" if any_intensity else request.intensity}
     metadata |= {"refine": request.refine, "bands": request.bands or ("all" if all_bands else None)}
-    metadata |= {"min_confidence": request.min_confidence}
     if len(made.answers) > 1:
         metadata |= {"answer": request.answer, "answers": [ANSWERS[n] for n in made.answers]}
     if made.next_sample is not None:
         metadata |= {"next_sample": _fact(made.next_sample)}
-    metadata |= results.drawing_facts(request.drawing, request.fill_holes, request.min_area, request.detail)
-    return metadata
+    return metadata | results.drawing_facts(request, request.fill_holes)
 
 
 def _fact(like: Disc | str) -> list[float] | str:

@@ -6,8 +6,7 @@ from typing import Literal
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.jobs.result.result import Drawing
-from uavseg.raster.grid.geobox import Length
+from uavseg.jobs.result.result import RegionRequest
 from uavseg.regions.confidence import check_minimum
 from uavseg.regions.edit.small import Area
 from uavseg.regions.sample.place import Disc
@@ -19,7 +18,7 @@ ANSWERS = {1: "the whole kind", 2: "what touches the sample", 3: "finer kinds"}
 
 
 @dataclass(frozen=True, slots=True)
-class MatchRequest:
+class MatchRequest(RegionRequest):
     """Which sample, and what is like it.
 
     A window is like the sample by its `similarity`, above 0 and at most 1, see `Sample.similarity`, and by
@@ -34,14 +33,10 @@ class MatchRequest:
     similarity: float = 0.9
     intensity: float = 1.0  # standard deviations by which means may differ; infinite: texture alone
     refine: str = "pixel"  # or "none": regions end at cells of 8 pixels
-    drawing: Drawing = Drawing()
     fill_holes: Area | None = None
-    min_area: Area | None = None
     bands: tuple[int | str, ...] = ()  # by number or name, each compared by itself; beside texture too
     by: str = "auto"  # "auto", "color", or "texture" with intensity
     unlike: tuple[Disc | str, ...] = ()  # what is not wanted; compared by color
-    detail: Length | None = None
-    min_confidence: float | None = None  # regions of less are dropped at last
     answer: int = 1  # the whole kind; 2 what touches the samples, of finer kinds; 3 finer kinds; by color
 
     def __post_init__(self) -> None:

@@ -4,37 +4,43 @@ Metadata is the same for the same question on any day and machine: names are tho
 is no time in it.
 """
 
+import importlib.util
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import fields, replace
+from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg._version import __version__
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import MissingLibraryError, ParameterError
 from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
 from uavseg.raster.grid.geobox import GeoBox, Length
-from uavseg.raster.grid.tiling import TilePass
+from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.stretch import Stretch
-from uavseg.raster.intensity.value_range import DetectedRange, axis_of
-from uavseg.raster.spectral.bands import ValueAxis
+from uavseg.raster.intensity.value_range import DetectedRange, axis_of, scale_of
+from uavseg.raster.read.dataset import Dataset
+from uavseg.raster.spectral.band_names import names_of
+from uavseg.raster.spectral.bands import BandScale, ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
 from uavseg.regions.edit.small import Area, fill_small_holes, simplify
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.shapes import LazyPolygons
+from uavseg.regions.shapes import LazyPolygons, batch_slices
 from uavseg.regions.table import Regions, make_regions, with_values
 from uavseg.regions.tiles.range_tiles import sum_regions
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource, Statistics
 
+_AT_ONCE = 1 << 24  # pixels of all bands together, whose statistics are taken
 _BANDS = re.compile(r"band \d{1,6}|luminance of bands \d{1,6}(,\d{1,6}){2}")  # see `BandChoice.name`
 _CHOSEN = ("nodata", "index", "expr", "band_names", "flatten")
 # by what they result in
@@ -63,30 +69,6 @@ def outlined_cells(source: Blocks, classes: NDArray[Any], fill_holes: Area | Non
     return sum_enclosed_cells(blocks, fill_small_holes(outlined, source.geobox, fill_holes))
 
 
-@dataclass(frozen=True)
-class Extraction:
-    """Regions, and what is needed to describe them and to rasterise them."""
-
-    regions: Regions
-    rings: Rings  # on pixel edges, neither smoothed nor simplified
-    geobox: GeoBox  # of the raster
-    stretch: Stretch
-    band_names: str
-    warnings: tuple[str, ...]
-    in_metres: bool = True  # whether lengths are metres rather than units of the map
-    axis: ValueAxis | None = None  # how v maps to values of the raster, where that is known
-    detected: DetectedRange | None = None  # the range that was asked for, if it is one
-    below_minimum: int | None = None  # regions that were left out because of their confidence
-    nothing: str = ""  # why no region of the range was found; empty where some were
-
-    @property
-    def area_unit(self) -> str:
-        """Unit of areas in the table at the end: square metres, pixels or square units of the map."""
-        if self.in_metres:
-            return "m2"
-        return "square pixels" if self.geobox.transform.is_identity else "square units"
-
-
 @dataclass(frozen=True, slots=True)
 class SourceInfo:
     """What a result says of its source."""
@@ -108,10 +90,27 @@ class SourceInfo:
             metadata = saved.stretch, saved.band_names, saved.stretch.warnings
             return cls(source.name, saved.geobox, *metadata, saved.geobox.crs is not None, saved.axis)
         dataset, stretch = source.dataset, source.stretch
-        warnings = dataset.warnings + stretch.warnings
-        metadata = stretch, dataset.band_names, warnings
+        metadata = stretch, dataset.band_names, dataset.warnings + stretch.warnings
         axis = None if source.is_flat else axis_of(dataset, stretch)
         return cls(dataset.source, dataset.geobox, *metadata, dataset.in_metres, axis, source.statistics)
+
+
+@dataclass(frozen=True)
+class Extraction(SourceInfo):
+    """Regions, and what is needed to describe them and to rasterise them."""
+
+    regions: Regions = field(kw_only=True)
+    rings: Rings = field(kw_only=True)  # on pixel edges, neither smoothed nor simplified
+    detected: DetectedRange | None = None  # the range that was asked for, if it is one
+    below_minimum: int | None = None  # regions that were left out because of their confidence
+    nothing: str = ""  # why no region of the range was found; empty where some were
+
+    @property
+    def area_unit(self) -> str:
+        """Unit of areas in the table at the end: square metres, pixels or square units of the map."""
+        if self.in_metres:
+            return "m2"
+        return "square pixels" if self.geobox.transform.is_identity else "square units"
 
 
 _MAX_METRES = 1e8  # more than twice around the Earth
@@ -123,8 +122,11 @@ class Drawing:
 
     smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
     simplify_m: float | None = None  # tolerance, see `simplify`
+    stats: str | None = None  # "bands": with the statistics of bands in outlines as drawn
 
     def __post_init__(self) -> None:
+        if self.stats not in (None, "bands"):
+            raise ParameterError(f'stats are "bands" or None, not {self.stats!r}')
         for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
             if metres is not None and not 0 <= metres < float("inf"):
                 raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
@@ -141,6 +143,16 @@ class Drawing:
         if self.simplify_m:
             regions = simplify(regions, self.simplify_m, geobox)
         return regions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegionRequest:
+    """How regions are drawn and which are left out, of any job."""
+
+    drawing: Drawing = Drawing()
+    min_area: Area | None = None
+    detail: Length | None = None  # structures that are narrower are left out
+    min_confidence: float | None = None  # regions of less are dropped at last
 
 
 def measured(
@@ -163,7 +175,8 @@ def measured(
     if confidence is not None:
         outlined, kept = confidence.applied(outlined)
         more = {name: column[kept] for name, column in more.items()} | {COLUMN: confidence.values[kept]}
-        interval = _kept(interval[0], kept), _kept(interval[1], kept)
+        low, high = (end if np.ndim(end) == 0 else np.asarray(end)[kept] for end in interval)
+        interval = low, high
         below_minimum = None if confidence.minimum is None else int(np.count_nonzero(~kept))
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
@@ -171,22 +184,78 @@ def measured(
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    return Extraction(
-        regions,
-        rings,
-        info.geobox,
-        info.stretch,
-        info.band_names,
-        info.warnings,
-        in_metres=info.in_metres,
-        axis=info.axis,
-        detected=detected,
-        below_minimum=below_minimum,
+    described = {one.name: getattr(info, one.name) for one in fields(info)}
+    described |= {"detected": detected, "below_minimum": below_minimum}
+    return Extraction(**described, regions=regions, rings=rings)
+
+
+@dataclass(frozen=True)
+class _Band:
+    """The values of a band, (rows, cols), read by windows; NaN where a pixel is not valid."""
+
+    dataset: Dataset
+    scale: BandScale
+    shape: tuple[int, int]
+
+    def __getitem__(self, where: tuple[slice, slice]) -> Floats:
+        row, col, rows, cols = *(part.start for part in where), *(part.stop - part.start for part in where)
+        stored, valid = self.dataset.read(Window(row, col, rows, cols))
+        values = self.scale.values(stored[0])
+        return values if valid is None else np.where(valid, values, np.nan)
+
+
+def bands_of(dataset: Dataset) -> dict[str, _Band]:
+    """Return each band but alpha, by common name or the words of its description, or b1, b2, ...
+
+    All are b1, b2, ... where two would have one name. A MissingLibraryError says that exactextract is not
+    installed, a ParameterError that files have different scales or there is a palette, a RasterError that
+    numbers are complex.
+    """
+    if importlib.util.find_spec("exactextract") is None:
+        raise MissingLibraryError('--stats needs exactextract: pip install "uavseg[stats]"')
+    if dataset.choice.expanded:
+        raise ParameterError(f"{dataset.source} has a palette, whose indices have no mean; leave --stats out")
+    layout = dataset.mosaic.files[0].layout
+    bands = [band for band in names_of(layout) if band.number != layout.alpha]
+    words = [re.sub(r"\W+", "_", band.description.casefold())[:40].strip("_") for band in bands]
+    names = [band.common or word or f"b{band.number}" for band, word in zip(bands, words, strict=True)]
+    if len({*names, "value"}) <= len(names):  # there is a column mean_value
+        names = [f"b{band.number}" for band in bands]
+    read = [dataset.of_band(band.number) for band in bands]
+    return {name: _Band(one, scale_of(one), one.geobox.shape) for name, one in zip(names, read, strict=True)}
+
+
+def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -> Regions:
+    """Return regions, where it is asked for with mean_, std_, min_ and max_<band> of valid pixels.
+
+    They are (n,) float64 in the band's own values. Each pixel is weighted by the part of it that lies in the
+    polygon (exactextract); NaN where there is none. Errors are those of `bands_of`.
+    """
+    if drawing.stats is None:
+        return regions
+    bands, (rows, cols), t = bands_of(dataset), dataset.geobox.shape, ~dataset.geobox.transform
+    from exactextract import exact_extract
+    from exactextract.feature import JSONFeatureSource
+    from exactextract.raster import NumPyRasterSource
+
+    def in_pixels(xy: Floats) -> Floats:  # as (col, -row); corners on the edges of pixels are so to the bit
+        place = xy @ ((t.a, -t.d), (t.b, -t.e)) + (t.c, -t.f)
+        return np.asarray(np.round(place * 65536) / 65536)
+
+    parts = batch_slices(regions.polygons)
+    polygons = (one for part in parts for one in shapely.transform(regions.polygons[part], in_pixels))
+    features = ({"geometry": one.__geo_interface__, "properties": {}} for one in polygons)
+    found = exact_extract(
+        [NumPyRasterSource(band, 0, -rows, cols, 0, name=name) for name, band in bands.items()],
+        JSONFeatureSource(features),
+        ["mean", "stdev", "min", "max"],
+        strategy="raster-sequential",
+        max_cells_in_memory=_AT_ONCE // len(bands),
+        output="pandas",
     )
-
-
-def _kept(ends: ArrayLike, kept: NDArray[np.bool_]) -> ArrayLike:
-    return ends if np.ndim(ends) == 0 else np.asarray(ends)[kept]
+    names = [f"{one}_{name}" for one in ("mean", "std", "min", "max") for name in bands]
+    added = zip(names, found.to_numpy(np.float64).T.copy(), strict=True)
+    return replace(regions, columns=regions.columns | dict(added))
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
@@ -236,19 +305,16 @@ def segment_facts(segment: SegmentParams) -> dict[str, Any]:
     return {**how, "intensity_step": step, "refine": segment.refine}
 
 
-def drawing_facts(
-    drawing: Drawing,
-    fill_holes: Area | None = None,
-    min_area: Area | None = None,
-    detail: Length | None = None,
-) -> dict[str, Any]:
+def drawing_facts(request: RegionRequest, fill_holes: Area | None = None) -> dict[str, Any]:
     """Return what was done to regions after they were outlined."""
     return {
-        "detail": None if detail is None else str(detail),
+        "detail": None if request.detail is None else str(request.detail),
         "fill_holes": _area(fill_holes),
-        "min_area": _area(min_area),
-        "smooth_outline_m": drawing.smooth_m,
-        "simplify_m": drawing.simplify_m,
+        "min_area": _area(request.min_area),
+        "smooth_outline_m": request.drawing.smooth_m,
+        "simplify_m": request.drawing.simplify_m,
+        "stats": request.drawing.stats,
+        "min_confidence": request.min_confidence,
     }
 
 

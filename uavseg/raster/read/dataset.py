@@ -124,6 +124,7 @@ class Dataset:
     local_metres: bool = False  # without a CRS, coordinates are known to be metres
     collar: PixelMask | None = None  # pixels that count as nodata, see `raster.collar.find`
     outside: PixelMask | None = None  # pixels that count as nodata too: those beyond an area of interest
+    nodata: float | str | None = None  # as it was named, for bands that are read by themselves
     _handles: OpenFiles = field(default_factory=OpenFiles, repr=False)
 
     @classmethod
@@ -181,7 +182,7 @@ class Dataset:
         if choice.expanded:
             note = "the palette is expanded to luminance; name --band 1 to use its indices themselves"
             warnings = (*warnings, note)
-        found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles)
+        found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles, nodata=nodata)
         return found if found.scale is not None else replace(found, warnings=(*warnings, _NO_SCALE))
 
     @classmethod
@@ -199,7 +200,7 @@ class Dataset:
         """Return the same raster with the intensity of one band; ParameterError if there is no such band."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
-        files, warnings = with_nodata(self.mosaic.files, choice, nodata)
+        files, warnings = with_nodata(self.mosaic.files, choice, self.nodata if nodata is None else nodata)
         return replace(self, mosaic=replace(self.mosaic, files=files), choice=choice, warnings=warnings)
 
     @property

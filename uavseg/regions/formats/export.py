@@ -160,6 +160,8 @@ def _write_geopackage(regions: Regions, path: Path) -> None:
 
 def _write_shapefile(regions: Regions, path: Path) -> None:
     columns = {_SHORT_NAMES.get(name, name): column for name, column in regions.columns.items()}
+    if len({name[:10].lower() for name in columns}) < len(columns):
+        raise OutputError("a Shapefile cuts names to ten characters: two columns share one; write .gpkg")
     renamed = Regions(columns, regions.polygons, regions.wkt)  # without metadata: a Shapefile has none
     _write_layer(renamed, path, "ESRI Shapefile", DBF_DATE_LAST_UPDATE=_DATE[:10])
 
