@@ -11,7 +11,7 @@ from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
 from uavseg.jobs.ranges.ranges import decided_grey
 from uavseg.jobs.result import result as results
-from uavseg.jobs.result.result import Drawing, Extraction, SourceInfo
+from uavseg.jobs.result.result import Drawing, Extraction, RegionRequest, SourceInfo
 from uavseg.jobs.source.open_source import map_of
 from uavseg.jobs.source.source import Blocks, ProbabilityMap
 from uavseg.jobs.source.work import SERIAL, Work
@@ -156,8 +156,7 @@ def classify(
         found = results.measured(outlined, info, ends, request.drawing, bounds)
         how = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
         how |= results.segment_facts(request.segment) | {"refine": request.refine}
-        drawn = results.RegionRequest(drawing=request.drawing, min_area=request.min_area)
-        how |= results.drawing_facts(drawn)
+        how |= results.drawing_facts(RegionRequest(drawing=request.drawing, min_area=request.min_area))
         objects = results.with_metadata(found, source, "classify", how)
     doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(

@@ -184,9 +184,8 @@ def measured(
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
     regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    described = {one.name: getattr(info, one.name) for one in fields(info)}
-    described |= {"detected": detected, "below_minimum": below_minimum}
-    return Extraction(**described, regions=regions, rings=rings)
+    about = {one.name: getattr(info, one.name) for one in fields(info)}
+    return Extraction(**about, regions=regions, rings=rings, detected=detected, below_minimum=below_minimum)
 
 
 @dataclass(frozen=True)
