@@ -85,7 +85,7 @@ class Coverage:
         return self._area_m2(self.sweep.wanted & ~reached, None)
 
     def _area_m2(self, cells: free_space.Mask, region: MapRegion | None) -> float:
-        within = cells if region is None else cells & region.cells
+        within = cells if region is None else region.values(cells)
         return float(within.sum()) * self.space.side_m**2
 
     def to_text(self, suffix: str) -> str:
@@ -156,7 +156,9 @@ def cover(
     here = None if start is None else space.place("start", start)
     if part is None:
         part = part_of(space, regions, start)
-    inside = np.logical_or.reduce([one.cells for one in regions])
+    inside = np.zeros(space.free.shape, np.bool_)
+    for one in regions:
+        inside[one.box] |= one.mask
     wanted = inside & space.free
     if not (wanted & (space.parts == part)).any() or part == 0:
         raise PathError(free_space.why_unreachable(space, regions[0], part))

@@ -96,13 +96,13 @@ def station_cells(space: FreeSpace, regions: Sequence[MapRegion], part: int) -> 
     taken = np.zeros(space.free.shape, np.bool_)
     result: list[Cell] = []
     for region in regions:
-        inner = clearance(region.cells & space.free)
-        inner[~region.cells | (space.parts != part) | taken] = -1.0
+        inner = clearance(region.mask & space.free[region.box])
+        inner[~region.mask | (space.parts[region.box] != part) | taken[region.box]] = -1.0
         row, col = (int(one) for one in np.unravel_index(np.argmax(inner), inner.shape))
         if inner[row, col] < 0:
             raise RegionError(f"{region} has no cell besides those of other regions; leave one of them out")
-        taken[row, col] = True
-        result.append((row, col))
+        taken[region.box][row, col] = True
+        result.append((region.box[0].start + row, region.box[1].start + col))
     return result
 
 
