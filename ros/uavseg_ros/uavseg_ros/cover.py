@@ -253,7 +253,7 @@ def _rows(found: Coverage) -> dict[str, str]:
     for one in found.regions if len(found.regions) > 1 else ():
         name = f" ({one.name})" if one.name else ""
         rows[f"  {one.id}"] = f"{100 * found.share(one):.1f} % of {found.free_m2(one):,.1f} m2{name}"
-    if found.out_of_reach_m2:
+    if round(found.out_of_reach_m2, 1):
         where = "along walls, and where the robot has no room or no way"
         rows["no reach"] = f"{found.out_of_reach_m2:,.1f} m2 {where}"
     return rows

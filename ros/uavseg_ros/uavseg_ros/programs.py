@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 import click
 
@@ -27,14 +26,13 @@ class Program(CommandGroup):
         return self._command if name == self._command.name else None
 
 
-def run(command: click.Command, arguments: Sequence[str] | None = None) -> NoReturn:
+def run(command: click.Command, arguments: Sequence[str] | None = None) -> None:
     """Run a command with arguments, by default those of the process, and end the process.
 
     Raises
     ------
     SystemExit
-        With the exit code: 0, 1 for an error that the user can correct, 2 for one of usage.
+        Always, with the exit code: 0, 1 for an error that the user can correct, 2 for one of usage.
     """
     given = sys.argv[1:] if arguments is None else arguments
     Program(command).main([str(command.name), *given], prog_name=RUN)
-    raise SystemExit(0)  # which click has done

@@ -209,7 +209,8 @@ def command(options: RouteGraphOptions) -> None:
     write.write_text(output, graph.geojson, overwrite)
     length_m = graph.length_m(space)
     reporter.table(
-        regions=f"{len(reached):,} of {len(regions):,}, joined by {graph.ways:,} ways",
+        regions=f"{len(reached):,} of {len(regions):,}",
+        ways=f"{graph.ways:,}",
         nodes=f"{len(graph.cells):,}, {len(graph.cells) - len(reached):,} of them at corners",
         edges=f"{2 * len(graph.edges):,}, {length_m:,.1f} m in each direction",
         written=write.shown(output),
