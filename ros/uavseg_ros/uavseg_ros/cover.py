@@ -169,7 +169,12 @@ def cover(
         heading_rad = math.atan2(y, x)
     swept = sweep.sweep(space, wanted, part, width_m, heading_rad, here)
     elsewhere = wanted & space.drivable & (space.parts != part)
-    return Coverage(space, tuple(regions), swept, float(elsewhere.sum()) * space.side_m**2)
+    return Coverage(
+        space=space,
+        regions=tuple(regions),
+        sweep=swept,
+        no_way_m2=float(elsewhere.sum()) * space.side_m**2,
+    )
 
 
 def part_of(space: FreeSpace, regions: list[MapRegion], start: tuple[float, float] | None) -> int:

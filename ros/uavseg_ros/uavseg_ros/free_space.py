@@ -209,7 +209,14 @@ def read_free_space(path: str | os.PathLike[str], radius_m: float, passable_belo
         raise MapError(f"{source.name} has no free cell: none of at most {passable_below:g}")
     window, mask, _ = cells.of_regions(labels)
     free[window.row : window.row + window.rows, window.col : window.col + window.cols] = mask
-    return FreeSpace(source.name, source.geobox, side_m, radius_m, free, cells.warnings)
+    return FreeSpace(
+        name=source.name,
+        geobox=source.geobox,
+        side_m=side_m,
+        radius_m=radius_m,
+        free=free,
+        warnings=cells.warnings,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,7 +274,8 @@ def read_map_regions(
     found = []
     for k in chosen:
         name = names[k] if isinstance(names[k], str) else None
-        found.append(MapRegion(known[k], name, *_inside(polygons[k], space.free.shape)))
+        box, mask = _inside(polygons[k], space.free.shape)
+        found.append(MapRegion(id=known[k], name=name, box=box, mask=mask))
     return found, list(regions.metadata.get("notes", []))
 
 

@@ -8,13 +8,14 @@ import click
 from uavseg.cli import CommandGroup
 
 RUN = "ros2 run uavseg_ros"
+_CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
 class Program(CommandGroup):
     """A group of one command: errors are one line on stderr and exit code 1, those of usage 2."""
 
     def __init__(self, command: click.Command) -> None:
-        super().__init__(name="uavseg_ros", context_settings={"max_content_width": 110})
+        super().__init__(name="uavseg_ros", context_settings=_CONTEXT)
         self._command = command
 
     def list_commands(self, ctx: click.Context) -> list[str]:

@@ -85,7 +85,13 @@ def plan_graph(
         edges |= dict.fromkeys((min(pair), max(pair)) for pair in pairwise(nodes))
     cells, ends = np.array(list(index)), np.array(list(edges))
     features = list(_features(space, regions, cells, ends, frame))
-    return RouteGraph(tuple(regions), cells, ends, len(pairs), feature_collection(features))
+    return RouteGraph(
+        regions=tuple(regions),
+        cells=cells,
+        edges=ends,
+        ways=len(pairs),
+        geojson=feature_collection(features),
+    )
 
 
 def station_cells(space: FreeSpace, regions: Sequence[MapRegion], part: int) -> list[Cell]:
