@@ -217,7 +217,7 @@ def test_what_can_be_reached_is_covered_on_drawn_maps(
     cells: NDArray[np.int8], radius: float, width: float, heading: int
 ) -> None:
     space = space_of(cells, radius)
-    region = free_space.MapRegion(1, None, np.ones(cells.shape, bool))
+    region = free_space.MapRegion(1, None, (slice(None), slice(None)), np.ones(cells.shape, bool))
     if not space.drivable.any():
         return
     found = cover(space, [region], width, heading_deg=heading)

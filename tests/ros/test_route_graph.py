@@ -99,12 +99,15 @@ def graph_of(folder: Path, *words: Any, origin: tuple[float, float, float] = (0,
     return out.read_text()
 
 
+@pytest.mark.parametrize("radius", [0.05, 0.125, 0.225, 0.275])
+def test_all_points_of_each_edge_keep_the_radius(tmp_path: Path, radius: float) -> None:
+    graph = Graph(graph_of(tmp_path, "--radius", radius))
+    assert away(graph.lines, rooms()) >= radius - 1e-9
+
+
 @pytest.mark.parametrize("nearest", [1, 2, 8])
-def test_each_edge_keeps_the_radius_and_there_is_one_for_both_directions(
-    tmp_path: Path, nearest: int
-) -> None:
+def test_each_edge_has_one_back_and_costs_its_length(tmp_path: Path, nearest: int) -> None:
     graph = Graph(graph_of(tmp_path, "--nearest", nearest))
-    assert away(graph.lines, rooms()) >= RADIUS - 1e-9
     both = list(graph.edges.values())
     assert len(set(both)) == len(both) and {(b, a) for a, b in both} == set(both)
     for number, cost in graph.costs.items():

@@ -85,7 +85,7 @@ class Coverage:
         return self._area_m2(self.sweep.wanted & ~reached, None)
 
     def _area_m2(self, cells: free_space.Mask, region: MapRegion | None) -> float:
-        within = cells if region is None else cells & region.cells
+        within = cells if region is None else region.values(cells)
         return float(within.sum()) * self.space.side_m**2
 
     def to_text(self, suffix: str) -> str:
@@ -156,7 +156,9 @@ def cover(
     here = None if start is None else space.place("start", start)
     if part is None:
         part = part_of(space, regions, start)
-    inside = np.logical_or.reduce([one.cells for one in regions])
+    inside = np.zeros(space.free.shape, np.bool_)
+    for one in regions:
+        inside[one.box] |= one.mask
     wanted = inside & space.free
     if not (wanted & (space.parts == part)).any() or part == 0:
         raise PathError(free_space.why_unreachable(space, regions[0], part))
@@ -167,7 +169,12 @@ def cover(
         heading_rad = math.atan2(y, x)
     swept = sweep.sweep(space, wanted, part, width_m, heading_rad, here)
     elsewhere = wanted & space.drivable & (space.parts != part)
-    return Coverage(space, tuple(regions), swept, float(elsewhere.sum()) * space.side_m**2)
+    return Coverage(
+        space=space,
+        regions=tuple(regions),
+        sweep=swept,
+        no_way_m2=float(elsewhere.sum()) * space.side_m**2,
+    )
 
 
 def part_of(space: FreeSpace, regions: list[MapRegion], start: tuple[float, float] | None) -> int:
@@ -251,7 +258,7 @@ def _rows(found: Coverage) -> dict[str, str]:
     for one in found.regions if len(found.regions) > 1 else ():
         name = f" ({one.name})" if one.name else ""
         rows[f"  {one.id}"] = f"{100 * found.share(one):.1f} % of {found.free_m2(one):,.1f} m2{name}"
-    if found.out_of_reach_m2:
+    if round(found.out_of_reach_m2, 1):
         where = "along walls, and where the robot has no room or no way"
         rows["no reach"] = f"{found.out_of_reach_m2:,.1f} m2 {where}"
     return rows

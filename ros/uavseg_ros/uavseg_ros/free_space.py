@@ -10,6 +10,7 @@ Positions are (row, col) of the map; the outer corner of its first cell is (0, 0
 
 import math
 import os
+from collections import Counter
 from collections.abc import Collection
 from functools import cached_property
 from typing import Any
@@ -29,7 +30,6 @@ from uavseg.occupancy.paths.astar import shortest_path
 from uavseg.occupancy.paths.clearance import clearance, is_at_least
 from uavseg.occupancy.ros.ros_map import placement
 from uavseg.raster.grid.geobox import GeoBox, pixels_inside
-from uavseg.raster.grid.tiling import Window
 from uavseg.regions.formats.read import read_local_regions
 from uavseg.regions.sample.place import bounding_cells, extent, to_pixels
 from uavseg.segmentation.params.segment import IntensityRange
@@ -55,14 +55,14 @@ class FreeSpace:
         return clearance(self.free, self.side_m, self.side_m)
 
     @property
-    def margin_m(self) -> float:
-        """Metres that centres of cells keep: the radius, and half of the diagonal of a cell."""
-        return self.radius_m + self.side_m * math.sqrt(0.5)
+    def slack_m(self) -> float:
+        """Metres from the centre of a cell to its corners."""
+        return self.side_m * math.sqrt(0.5)
 
     @cached_property
     def drivable(self) -> Mask:
         """Cells over which the centre of the robot may drive, (rows, cols)."""
-        return np.asarray(self.free & is_at_least(self.distance_m, self.margin_m))
+        return np.asarray(self.free & is_at_least(self.distance_m, self.radius_m + self.slack_m))
 
     @cached_property
     def parts(self) -> NDArray[np.int32]:
@@ -111,7 +111,11 @@ class FreeSpace:
             raise PathError(f"the {name} {where} lies outside of {self.name}: {extent(self.geobox)}")
         cell = int(row), int(col)
         if not self.drivable[cell]:
-            room = f"at most {_floored(self.room_m(cell))}" if self.free[cell] else "its cell is not free"
+            room = (
+                f"at most {_floored(self.distance_m[cell] - self.slack_m)}"
+                if self.free[cell]
+                else "its cell is not free"
+            )
             raise PathError(f"the {name} {where} has no room for a radius of {self.radius_m:g} m ({room})")
         return np.array([row, col])
 
@@ -126,11 +130,7 @@ class FreeSpace:
                 open_ = middle
             else:
                 closed = middle
-        return 0.0 if open_ < 0 else max(float(known[open_]) - self.margin_m + self.radius_m, 0.0)
-
-    def room_m(self, cells: Any) -> float:
-        """Return the largest radius in metres for which one of some cells, an index or a mask, has room."""
-        return float(np.max(self.distance_m[cells])) - self.margin_m + self.radius_m
+        return 0.0 if open_ < 0 else max(float(known[open_]) - self.slack_m, 0.0)
 
 
 def runs_over(mask: Mask, start: Floats, end: Floats) -> list[Floats]:
@@ -209,7 +209,14 @@ def read_free_space(path: str | os.PathLike[str], radius_m: float, passable_belo
         raise MapError(f"{source.name} has no free cell: none of at most {passable_below:g}")
     window, mask, _ = cells.of_regions(labels)
     free[window.row : window.row + window.rows, window.col : window.col + window.cols] = mask
-    return FreeSpace(source.name, source.geobox, side_m, radius_m, free, cells.warnings)
+    return FreeSpace(
+        name=source.name,
+        geobox=source.geobox,
+        side_m=side_m,
+        radius_m=radius_m,
+        free=free,
+        warnings=cells.warnings,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +225,12 @@ class MapRegion:
 
     id: int
     name: str | None
-    cells: Mask  # (rows, cols)
+    box: tuple[slice, slice]  # rows and columns of the map around the region
+    mask: Mask  # the cells of the region in the box
+
+    def values(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return the values (n,) of an array (rows, cols) of the map on the cells of the region."""
+        return np.asarray(array[self.box][self.mask])
 
     def __str__(self) -> str:
         return f"region {self.id}" + (f" ({self.name})" if self.name else "")
@@ -248,9 +260,9 @@ def read_map_regions(
     if regions.wkt is not None:
         raise RegionError(f"{path} has a CRS, and {space.name} none; give polygons in the map's coordinates")
     known = regions.columns["id"].tolist()
-    twice = next((one for one in known if known.count(one) > 1), None)
-    if twice is not None:
-        raise RegionError(f"{path} has {known.count(twice)} regions with the id {twice}; give each its own")
+    often, count = Counter(known).most_common(1)[0] if known else (0, 0)
+    if count > 1:
+        raise RegionError(f"{path} has {count} regions with the id {often}; give each its own")
     missing = sorted(set(ids or ()) - set(known))
     if missing:
         raise RegionError(f"{path} has no region {missing[0]}; it has {_listed(known)}")
@@ -262,7 +274,8 @@ def read_map_regions(
     found = []
     for k in chosen:
         name = names[k] if isinstance(names[k], str) else None
-        found.append(MapRegion(known[k], name, _inside(polygons[k], space.free.shape)))
+        box, mask = _inside(polygons[k], space.free.shape)
+        found.append(MapRegion(id=known[k], name=name, box=box, mask=mask))
     return found, list(regions.metadata.get("notes", []))
 
 
@@ -270,13 +283,13 @@ def _listed(ids: list[int]) -> str:
     return ", ".join(map(str, ids[:10])) + (", ..." if len(ids) > 10 else "")
 
 
-def _inside(polygon: Any, shape: tuple[int, int]) -> Mask:
-    cells = np.zeros(shape, np.bool_)
+def _inside(polygon: Any, shape: tuple[int, int]) -> tuple[tuple[slice, slice], Mask]:
+    """Return the box of a polygon (x, y of columns and rows) on a map, and the mask of its cells there."""
     window = bounding_cells(np.array(shapely.bounds(polygon)), shape)
-    if window.rows and window.cols:
-        box = slice(window.row, window.row + window.rows), slice(window.col, window.col + window.cols)
-        cells[box] = pixels_inside([polygon], Window(window.row, window.col, window.rows, window.cols))
-    return cells
+    if not (window.rows and window.cols):
+        return (slice(0), slice(0)), np.zeros((0, 0), np.bool_)
+    box = slice(window.row, window.row + window.rows), slice(window.col, window.col + window.cols)
+    return box, pixels_inside([polygon], window)
 
 
 def main_part(space: FreeSpace, regions: list[MapRegion]) -> int:
@@ -284,21 +297,24 @@ def main_part(space: FreeSpace, regions: list[MapRegion]) -> int:
     sizes = np.bincount(space.parts.ravel())
     served = np.zeros(len(sizes), np.int64)
     for region in regions:
-        served[np.unique(space.parts[region.cells])] += 1
+        served[np.unique(region.values(space.parts))] += 1
     served[0] = -1
     return int(np.lexsort((np.arange(len(sizes)), -sizes, -served))[0])
 
 
 def why_unreachable(space: FreeSpace, region: MapRegion, part: int) -> str:
     """Say why no place of a region lies in a part of the drivable cells."""
-    if not region.cells.any():
+    if not region.mask.any():
         return f"{region} has no cell of {space.name}, which is {extent(space.geobox)}"
-    if not (region.cells & space.free).any():
+    if not region.values(space.free).any():
         return f"{region} has no free cell"
     radius = f"a radius of {space.radius_m:g} m"
-    if not (region.cells & space.drivable).any():
-        return f"{region} has no room for {radius} (at most {_floored(space.room_m(region.cells))})"
-    widest = space.widest(region.cells & space.drivable, space.parts == part)
+    starts = np.zeros(space.free.shape, np.bool_)
+    starts[region.box] = region.mask & space.drivable[region.box]
+    if not starts.any():
+        room_m = float(region.values(space.distance_m).max()) - space.slack_m
+        return f"{region} has no room for {radius} (at most {_floored(room_m)})"
+    widest = space.widest(starts, space.parts == part)
     most = f"at most {_floored(widest)}" if widest > 0 else "with none"
     return f"no path leads to {region} with {radius} ({most})"
 

@@ -2,20 +2,20 @@
 
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
 
 import click
 
 from uavseg.cli import CommandGroup
 
 RUN = "ros2 run uavseg_ros"
+_CONTEXT = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 
 
 class Program(CommandGroup):
     """A group of one command: errors are one line on stderr and exit code 1, those of usage 2."""
 
     def __init__(self, command: click.Command) -> None:
-        super().__init__(name="uavseg_ros", context_settings={"max_content_width": 110})
+        super().__init__(name="uavseg_ros", context_settings=_CONTEXT)
         self._command = command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -27,14 +27,13 @@ class Program(CommandGroup):
         return self._command if name == self._command.name else None
 
 
-def run(command: click.Command, arguments: Sequence[str] | None = None) -> NoReturn:
+def run(command: click.Command, arguments: Sequence[str] | None = None) -> None:
     """Run a command with arguments, by default those of the process, and end the process.
 
     Raises
     ------
     SystemExit
-        With the exit code: 0, 1 for an error that the user can correct, 2 for one of usage.
+        Always, with the exit code: 0, 1 for an error that the user can correct, 2 for one of usage.
     """
     given = sys.argv[1:] if arguments is None else arguments
     Program(command).main([str(command.name), *given], prog_name=RUN)
-    raise SystemExit(0)  # which click has done

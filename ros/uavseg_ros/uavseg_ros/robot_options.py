@@ -44,7 +44,7 @@ class RobotOptions(Options):
         PathError
             If there are others, and that is not allowed, or if there are only others.
         """
-        reached = [one for one in regions if part and (space.parts[one.cells] == part).any()]
+        reached = [one for one in regions if part and (one.values(space.parts) == part).any()]
         refused = [why_unreachable(space, one, part) for one in regions if one not in reached]
         if refused and not (self.allow_unreachable and reached):
             more = f"; {len(refused) - 1} more cannot be reached either" if len(refused) > 1 else ""

@@ -85,7 +85,13 @@ def plan_graph(
         edges |= dict.fromkeys((min(pair), max(pair)) for pair in pairwise(nodes))
     cells, ends = np.array(list(index)), np.array(list(edges))
     features = list(_features(space, regions, cells, ends, frame))
-    return RouteGraph(tuple(regions), cells, ends, len(pairs), feature_collection(features))
+    return RouteGraph(
+        regions=tuple(regions),
+        cells=cells,
+        edges=ends,
+        ways=len(pairs),
+        geojson=feature_collection(features),
+    )
 
 
 def station_cells(space: FreeSpace, regions: Sequence[MapRegion], part: int) -> list[Cell]:
@@ -96,13 +102,13 @@ def station_cells(space: FreeSpace, regions: Sequence[MapRegion], part: int) -> 
     taken = np.zeros(space.free.shape, np.bool_)
     result: list[Cell] = []
     for region in regions:
-        inner = clearance(region.cells & space.free)
-        inner[~region.cells | (space.parts != part) | taken] = -1.0
+        inner = clearance(region.mask & space.free[region.box])
+        inner[~region.mask | (space.parts[region.box] != part) | taken[region.box]] = -1.0
         row, col = (int(one) for one in np.unravel_index(np.argmax(inner), inner.shape))
         if inner[row, col] < 0:
             raise RegionError(f"{region} has no cell besides those of other regions; leave one of them out")
-        taken[row, col] = True
-        result.append((row, col))
+        taken[region.box][row, col] = True
+        result.append((region.box[0].start + row, region.box[1].start + col))
     return result
 
 
@@ -209,7 +215,8 @@ def command(options: RouteGraphOptions) -> None:
     write.write_text(output, graph.geojson, overwrite)
     length_m = graph.length_m(space)
     reporter.table(
-        regions=f"{len(reached):,} of {len(regions):,}, joined by {graph.ways:,} ways",
+        regions=f"{len(reached):,} of {len(regions):,}",
+        ways=f"{graph.ways:,}",
         nodes=f"{len(graph.cells):,}, {len(graph.cells) - len(reached):,} of them at corners",
         edges=f"{2 * len(graph.edges):,}, {length_m:,.1f} m in each direction",
         written=write.shown(output),
