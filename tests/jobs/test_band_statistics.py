@@ -121,12 +121,12 @@ def test_they_are_those_of_the_pixels_of_the_label(kind: str, tmp_path: Path) ->
         assert_geodataframe_equal(frame, uavseg.extract(path, **words, **more))
 
 
-def test_the_chunks_that_are_read_make_no_difference_but_of_rounding(
+def test_the_windows_that_are_read_make_no_difference_but_of_rounding(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, _, names = uint8(tmp_path)
     whole = columns(uavseg.extract(path, **WORDS), names)
-    monkeypatch.setattr(results, "_AT_ONCE", 3 * 1000)  # 6 rows
+    monkeypatch.setattr(results, "_SIDE", 64)
     assert columns(uavseg.extract(path, **WORDS), names) == pytest.approx(whole, rel=1e-12)
 
 
