@@ -367,9 +367,7 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions,
-        *("smooth_outline", "stats"),
-        simplify={"help": "Simplify outlines; shared borders stay shared."},
+        DrawingOptions, "smooth_outline", "stats", simplify={"help": "Simplify; shared borders stay shared."}
     )
     each: EachOptions = group(EachOptions)
 

@@ -210,6 +210,7 @@ def bands_of(dataset: Dataset) -> dict[str, tuple[Dataset, BandScale]]:
     return {name: (one, scale_of(one)) for name, one in zip(names, read, strict=True)}
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -> Regions:
     """Return regions, where it is asked for with mean_, std_, min_ and max_<band> of valid pixels.
 
@@ -229,7 +230,7 @@ def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -
     for window in tiles(dataset.geobox.shape, _SIDE):
         corners = window.col, -window.row - window.rows, window.col + window.cols, -window.row
         near = tree.query(shapely.box(*corners))
-        parts = shapely.clip_by_rect(polygons[near], *corners)  # exactextract 0.3 crashes along `corners`
+        parts = shapely.clip_by_rect(polygons[near], *corners)  # exactextract's own clipping may crash
         near, parts = near[shapely.area(parts) > 0], parts[shapely.area(parts) > 0]
         if not len(near):
             continue
