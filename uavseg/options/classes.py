@@ -39,8 +39,7 @@ def parse_range(name: str, text: str) -> AnyRange:
     """
     kind = name.removeprefix("--")
     try:
-        parts = text.split(",")
-        low, high = (float(one) if one.strip() or kind == "range" else None for one in parts)
+        low, high = (float(one) if one.strip() or kind == "range" else None for one in text.split(","))
     except ValueError:
         raise ParameterError(
             f"{name} is two numbers with a comma between them, such as {_EXAMPLES[kind]}, not {shown(text)}"

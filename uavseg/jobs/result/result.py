@@ -24,7 +24,7 @@ from uavseg.jobs.source.source import Blocks, Raster, Source
 from uavseg.options.reading import ReadOptions
 from uavseg.plain_text import printable
 from uavseg.raster.grid.geobox import GeoBox, Length
-from uavseg.raster.grid.tiling import TilePass, Window
+from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.intensity.value_range import DetectedRange, axis_of, scale_of
 from uavseg.raster.read.dataset import Dataset
@@ -33,14 +33,14 @@ from uavseg.raster.spectral.bands import BandScale, ValueAxis
 from uavseg.regions.confidence import COLUMN, Confidence
 from uavseg.regions.edit.small import Area, fill_small_holes, simplify
 from uavseg.regions.outline.rings import RegionOutlines, Rings
-from uavseg.regions.shapes import LazyPolygons, batch_slices
+from uavseg.regions.shapes import LazyPolygons
 from uavseg.regions.table import Regions, make_regions, with_values
 from uavseg.regions.tiles.range_tiles import sum_regions
 from uavseg.segmentation.blocks.block_file import Origin
 from uavseg.segmentation.params.segment import SegmentParams
 from uavseg.segmentation.source import GreySource, Statistics
 
-_AT_ONCE = 1 << 24  # pixels of all bands together, whose statistics are taken
+_SIDE = 1024  # pixels: of the windows in which statistics of bands are taken
 _BANDS = re.compile(r"band \d{1,6}|luminance of bands \d{1,6}(,\d{1,6}){2}")  # see `BandChoice.name`
 _CHOSEN = ("nodata", "index", "expr", "band_names", "flatten")
 # by what they result in
@@ -188,22 +188,7 @@ def measured(
     return Extraction(**about, regions=regions, rings=rings, detected=detected, below_minimum=below_minimum)
 
 
-@dataclass(frozen=True)
-class _Band:
-    """The values of a band, (rows, cols), read by windows; NaN where a pixel is not valid."""
-
-    dataset: Dataset
-    scale: BandScale
-    shape: tuple[int, int]
-
-    def __getitem__(self, where: tuple[slice, slice]) -> Floats:
-        row, col, rows, cols = *(part.start for part in where), *(part.stop - part.start for part in where)
-        stored, valid = self.dataset.read(Window(row, col, rows, cols))
-        values = self.scale.values(stored[0])
-        return values if valid is None else np.where(valid, values, np.nan)
-
-
-def bands_of(dataset: Dataset) -> dict[str, _Band]:
+def bands_of(dataset: Dataset) -> dict[str, tuple[Dataset, BandScale]]:
     """Return each band but alpha, by common name or the words of its description, or b1, b2, ...
 
     All are b1, b2, ... where two would have one name. A MissingLibraryError says that exactextract is not
@@ -221,9 +206,10 @@ def bands_of(dataset: Dataset) -> dict[str, _Band]:
     if len({*names, "value"}) <= len(names):  # there is a column mean_value
         names = [f"b{band.number}" for band in bands]
     read = [dataset.of_band(band.number) for band in bands]
-    return {name: _Band(one, scale_of(one), one.geobox.shape) for name, one in zip(names, read, strict=True)}
+    return {name: (one, scale_of(one)) for name, one in zip(names, read, strict=True)}
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -> Regions:
     """Return regions, where it is asked for with mean_, std_, min_ and max_<band> of valid pixels.
 
@@ -232,29 +218,44 @@ def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -
     """
     if drawing.stats is None:
         return regions
-    bands, (rows, cols), t = bands_of(dataset), dataset.geobox.shape, ~dataset.geobox.transform
-    from exactextract import exact_extract
-    from exactextract.feature import JSONFeatureSource
-    from exactextract.raster import NumPyRasterSource
+    bands, t = bands_of(dataset), ~dataset.geobox.transform
+    from exactextract import exact_extract, raster
 
-    def in_pixels(xy: Floats) -> Floats:  # as (col, -row); corners on the edges of pixels are so to the bit
-        place = xy @ ((t.a, -t.d), (t.b, -t.e)) + (t.c, -t.f)
-        return np.asarray(np.round(place * 65536) / 65536)
-
-    parts = batch_slices(regions.polygons)
-    polygons = (one for part in parts for one in shapely.transform(regions.polygons[part], in_pixels))
-    features = ({"geometry": one.__geo_interface__, "properties": {}} for one in polygons)
-    found = exact_extract(
-        [NumPyRasterSource(band, 0, -rows, cols, 0, name=name) for name, band in bands.items()],
-        JSONFeatureSource(features),
-        ["mean", "stdev", "min", "max"],
-        strategy="raster-sequential",
-        max_cells_in_memory=_AT_ONCE // len(bands),
-        output="pandas",
-    )
+    turn, move = ((t.a, -t.d), (t.b, -t.e)), (t.c, -t.f)  # to (col, -row); edges of pixels are met to the bit
+    drawn = np.array(list(regions.polygons), object)
+    polygons = shapely.transform(drawn, lambda xy: np.round((xy @ turn + move) * 65536) / 65536)
+    tree, (count, mean, squares) = shapely.STRtree(polygons), np.zeros((3, len(bands), len(regions)))
+    low, high = np.full((2, len(bands), len(regions)), np.nan)
+    for window in tiles(dataset.geobox.shape, _SIDE):
+        corners = window.col, -window.row - window.rows, window.col + window.cols, -window.row
+        near = tree.query(shapely.box(*corners))
+        parts = shapely.clip_by_rect(polygons[near], *corners)  # exactextract's own clipping may crash
+        near, parts = near[shapely.area(parts) > 0], parts[shapely.area(parts) > 0]
+        if not len(near):
+            continue
+        found = exact_extract(
+            [raster.NumPyRasterSource(_values(*bands[name], window), *corners, name=name) for name in bands],
+            [{"geometry": part.__geo_interface__, "properties": {}} for part in parts],
+            ["count", "mean", "variance", "min", "max"],
+            output="pandas",
+        )
+        n, m, variance, least, most = found.to_numpy(np.float64).T.reshape(5, len(bands), -1)
+        before, total = count[:, near], count[:, near] + n
+        share, step = n / np.where(total > 0, total, 1), np.where(n > 0, m, 0) - mean[:, near]
+        squares[:, near] += np.where(n > 0, variance, 0) * n + step**2 * before * share  # Chan et al. (1979)
+        mean[:, near] += step * share
+        count[:, near] = total
+        low[:, near], high[:, near] = np.fmin(low[:, near], least), np.fmax(high[:, near], most)
+    count[count == 0] = np.nan
+    rows = np.concatenate([mean + 0 * count, np.sqrt(squares / count), low, high])
     names = [f"{one}_{name}" for one in ("mean", "std", "min", "max") for name in bands]
-    added = zip(names, found.to_numpy(np.float64).T.copy(), strict=True)
-    return replace(regions, columns=regions.columns | dict(added))
+    return replace(regions, columns=regions.columns | dict(zip(names, rows, strict=True)))
+
+
+def _values(band: Dataset, scale: BandScale, window: Window) -> Floats:
+    """Return the values of a window, (rows, cols); NaN where a pixel is not valid."""
+    stored, valid = band.read(window)
+    return np.where(True if valid is None else valid, scale.values(stored[0]), np.nan)
 
 
 def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str, Any]) -> Extraction:
