@@ -197,7 +197,7 @@ class Dataset:
 
     @checked
     def of_band(self, band: int | str, nodata: float | str | None = None) -> "Dataset":
-        """Return the same raster with the intensity of one band; ParameterError if there is no such band."""
+        """Return the raster with one band, by default with its nodata; ParameterError if it has no such."""
         choice = choose(self.mosaic.files[0].layout, band, None, BandWords())
         check_names_agree(self.mosaic.files, choice.bands)
         files, warnings = with_nodata(self.mosaic.files, choice, self.nodata if nodata is None else nodata)
