@@ -15,6 +15,7 @@ import rasterio
 import shapely
 
 import uavseg
+from uavseg.plot.web import field_map
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 CHROMIUM = shutil.which("chromium")
@@ -143,7 +144,11 @@ def test_a_telephone_shows_it_in_its_width_with_large_buttons(seen: dict[str, An
     assert seen["closed"]
 
 
-def test_a_long_list_has_the_rows_that_are_near(tmp_path: Path) -> None:
+@pytest.mark.parametrize("plain_bytes", [0, 1 << 30], ids=["packed", "plain"])
+def test_a_long_list_has_the_rows_that_are_near(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plain_bytes: int
+) -> None:
+    monkeypatch.setattr(field_map, "_PLAIN_BYTES", plain_bytes)
     boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(40) for x in range(0, 400, 5)]
     places = [shapely.affinity.translate(one, 512345, 5478345) for one in boxes]
     frame = geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)

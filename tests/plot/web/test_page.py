@@ -5,6 +5,7 @@ import hashlib
 import html
 import json
 import re
+import zlib
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -79,6 +80,27 @@ def write_raster(path: Path, crs: str | None, transform: Affine) -> Path:
 def data_of_page(path: Path) -> Any:
     [data] = re.findall(r'id="data">(.*?)</script>', path.read_text(encoding="utf-8"), re.DOTALL)
     return json.loads(data)
+
+
+def squares(count: int) -> geopandas.GeoDataFrame:
+    boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(count) for x in range(0, 5 * count, 5)]
+    places = [shapely.affinity.translate(one, 512345, 5478345) for one in boxes]
+    return geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
+
+
+def test_large_regions_are_packed_and_small_ones_are_not(tmp_path: Path) -> None:
+    for count, is_packed in ((10, False), (100, True)):
+        regions, path = squares(count), tmp_path / f"{count}.html"
+        uavseg.map_page(SAMPLE, path, regions=regions)
+        found = data_of_page(path)["regions"]
+        assert (list(found) == ["packed"]) == is_packed
+        if is_packed:
+            text = zlib.decompress(base64.b64decode(found["packed"]))
+            assert len(found["packed"]) < len(text) / 4
+            found = json.loads(text)
+        assert [one["properties"]["id"] for one in found["features"]] == regions.id.tolist()
+        read = geopandas.GeoDataFrame.from_features(found, crs=4326).to_crs(32610)
+        assert read.symmetric_difference(regions, align=False).area.max() < 0.01
 
 
 def test_leaflet_is_the_released_one_with_its_licence() -> None:

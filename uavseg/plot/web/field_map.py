@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
@@ -42,7 +41,7 @@ from uavseg.regions.formats.metadata import METADATA_KEY, about_file
 
 Json = dict[str, Any]
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
-_LARGE_BYTES = 10 << 20
+_PLAIN_BYTES, _LARGE_BYTES = 1 << 20, 10 << 20  # of regions as they are, of a page without a warning
 _FOOTPRINT_DECIMALS, _REGION_DECIMALS = 7, 9  # of degrees: a centimetre, a tenth of a millimetre
 _ASSETS = Path(__file__).parent / "assets"
 _PROGRAM = (
@@ -126,7 +125,8 @@ def title_of(field_map: FieldMap) -> str:
 
 
 def data_of(field_map: FieldMap, regions: Json | None, missions: Sequence[Json]) -> Json:
-    """Return the data for the page's program, values of JSON; parameters as of `page_of`."""
+    """Return the data for the page's program, values of JSON, large regions packed; see `page_of`."""
+    text = json.dumps(regions, allow_nan=False, separators=(",", ":")).encode()
     return {
         "title": title_of(field_map),
         "about": _about(field_map),
@@ -134,7 +134,7 @@ def data_of(field_map: FieldMap, regions: Json | None, missions: Sequence[Json])
         "image": {"url": data_url(field_map.image.webp, "image/webp"), "bounds": field_map.image.bounds},
         "cells": _cells(field_map) if field_map.fits_page else None,
         "range": first_range(regions, field_map.info),
-        "regions": regions,
+        "regions": regions if len(text) < _PLAIN_BYTES else {"packed": _packed(text, 6)},
         "missions": list(missions),
         "server": None,
     }
@@ -194,8 +194,8 @@ def _cells(field_map: FieldMap) -> dict[str, Any]:
     return {
         "shape": cells.shape,
         "cells": cells.codes.shape,
-        "codes": _packed(cells.codes.astype("<u2")),
-        "counts": _packed(cells.counts),
+        "codes": _packed(cells.codes.astype("<u2").tobytes()),
+        "counts": _packed(cells.counts.tobytes()),
         "ground": {
             "shape": ground.lon.shape,
             "lon": [round(value, MAX_DECIMALS) for value in ground.lon.ravel().tolist()],
@@ -206,8 +206,8 @@ def _cells(field_map: FieldMap) -> dict[str, Any]:
     }
 
 
-def _packed(values: NDArray[Any]) -> str:
-    return base64.b64encode(zlib.compress(values.tobytes(), 9)).decode()
+def _packed(values: bytes, level: int = 9) -> str:
+    return base64.b64encode(zlib.compress(values, level)).decode()
 
 
 def read_collection(regions: Any) -> dict[str, Any]:
@@ -218,8 +218,7 @@ def read_collection(regions: Any) -> dict[str, Any]:
     features = []
     for n, polygon in enumerate(shapely.transform(oriented, lambda xy: xy.round(_REGION_DECIMALS))):
         properties = {name: values[n] for name, values in columns.items()}
-        shape = shapely.geometry.mapping(polygon)
-        features.append({"type": "Feature", "properties": properties, "geometry": shape})
+        features.append({"type": "Feature", "properties": properties, "geometry": polygon.__geo_interface__})
     is_path = isinstance(regions, str | os.PathLike)
     made = about_file(regions).metadata if is_path else regions.attrs.get(METADATA_KEY)
     return {"type": "FeatureCollection", **({METADATA_KEY: made} if made else {}), "features": features}

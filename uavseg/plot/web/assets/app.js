@@ -3,7 +3,9 @@
 
 (async () => {
   const data = JSON.parse(document.getElementById("data").textContent);
-  const panel = document.getElementById("panel");
+  const panel = document.getElementById("panel"), old = typeof DecompressionStream === "undefined";
+  const packed = data.regions?.packed;
+  if (packed) data.regions = old ? null : JSON.parse(new TextDecoder().decode(await Blocks.unpack(packed)));
   const map = L.map("map", {maxZoom: 26, zoomSnap: 0.25, renderer: new RimCanvas({padding: 0.3}), attributionControl: false});
   const [west, south, east, north] = data.image.bounds;
   const bounds = L.latLngBounds([south, west], [north, east]);
@@ -39,8 +41,9 @@
   addPosition(page);
   missionPanes(map);
   let ranged = null; // the slider is above lists, which may be long
-  if (data.cells && typeof DecompressionStream === "undefined") {
-    panel.append(make("p", {className: "warning", textContent: "This browser is too old for the range slider."}));
+  const missing = [...packed ? ["so many regions"] : [], ...data.cells ? ["the range slider"] : []];
+  if (old && missing.length) {
+    panel.append(make("p", {className: "warning", textContent: `This browser is too old for ${missing.join(" and ")}.`}));
   } else if (data.cells) {
     ranged = new RegionList(page, "Regions of a range", COLORS.range, "range.geojson", !data.regions);
   }

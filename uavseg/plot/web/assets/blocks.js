@@ -216,7 +216,7 @@ function makeBlocks() {
     return twice > 0 === (n === 0) ? ring : [...ring].reverse();
   }
 
-  return {CELL, NONE, STEPS, cellArea, decode, lonLat, regions, rowCol};
+  return {CELL, NONE, STEPS, cellArea, decode, lonLat, regions, rowCol, unpack};
 }
 
 const Blocks = makeBlocks();
