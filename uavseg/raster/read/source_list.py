@@ -129,7 +129,7 @@ def _listed(path: str) -> list[str]:
 def _asset_path(item: str, name: str, listed: bool = False) -> str:
     """Return the checked path or address of an asset; the address of a `listed` one has to be allowed."""
     from http.client import HTTPException
-    from urllib.request import urlopen
+    from urllib.request import HTTPError, urlopen
 
     online = is_address(item)
     try:
@@ -142,6 +142,8 @@ def _asset_path(item: str, name: str, listed: bool = False) -> str:
             raise ValueError(f"its type is {shown(found['type'])}, not 'Feature'")
         hrefs = {key: asset.get("href") for key, asset in found["assets"].items()}
     except (OSError, ValueError, KeyError, TypeError, AttributeError, HTTPException) as error:
+        if isinstance(error, HTTPError):
+            error.close()  # an answer that is an error keeps its connection
         raise RasterReadError(f"{item} cannot be read as a STAC item ({cause_of(error)})") from error
     if not isinstance(href := hrefs.get(name), str):
         images = [key for key, one in hrefs.items() if str(one).split("?")[0].lower().endswith(_IMAGES)]
