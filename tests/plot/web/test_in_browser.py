@@ -15,6 +15,7 @@ import rasterio
 import shapely
 
 import uavseg
+from tests.plot.web.test_page import squares
 from uavseg.plot.web import field_map
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
@@ -149,11 +150,9 @@ def test_a_long_list_has_the_rows_that_are_near(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, plain_bytes: int
 ) -> None:
     monkeypatch.setattr(field_map, "_PLAIN_BYTES", plain_bytes)
-    boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(40) for x in range(0, 400, 5)]
-    places = [shapely.affinity.translate(one, 512345, 5478345) for one in boxes]
-    frame = geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
+    places = squares(40, 80)
     html = tmp_path / "map.html"
-    uavseg.map_page(SAMPLE, html, regions=frame)
+    uavseg.map_page(SAMPLE, html, regions=places)
     program = Path(__file__).with_name("drive_list.js")
     words = [str(NODE), str(program), str(html), str(CHROMIUM)]
     found = subprocess.run(words, capture_output=True, text=True, timeout=120)

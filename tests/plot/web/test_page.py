@@ -82,15 +82,16 @@ def data_of_page(path: Path) -> Any:
     return json.loads(data)
 
 
-def squares(count: int) -> geopandas.GeoDataFrame:
-    boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(count) for x in range(0, 5 * count, 5)]
+def squares(rows: int, cols: int) -> geopandas.GeoDataFrame:
+    """Many small regions, over the sample."""
+    boxes = [shapely.box(x, y, x + 2, y + 2) for y in range(rows) for x in range(0, 5 * cols, 5)]
     places = [shapely.affinity.translate(one, 512345, 5478345) for one in boxes]
     return geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
 
 
 def test_large_regions_are_packed_and_small_ones_are_not(tmp_path: Path) -> None:
     for count, is_packed in ((10, False), (100, True)):
-        regions, path = squares(count), tmp_path / f"{count}.html"
+        regions, path = squares(count, count), tmp_path / f"{count}.html"
         uavseg.map_page(SAMPLE, path, regions=regions)
         found = data_of_page(path)["regions"]
         assert (list(found) == ["packed"]) == is_packed

@@ -230,7 +230,7 @@ def with_band_statistics(regions: Regions, dataset: Dataset, drawing: Drawing) -
         corners = window.col, -window.row - window.rows, window.col + window.cols, -window.row
         near = tree.query(shapely.box(*corners))
         parts = shapely.clip_by_rect(polygons[near], *corners)  # exactextract's own clipping may crash
-        near, parts = near[shapely.area(parts) > 0], parts[shapely.area(parts) > 0]
+        near, parts = near[within := shapely.area(parts) > 0], parts[within]
         if not len(near):
             continue
         found = exact_extract(
