@@ -69,12 +69,18 @@ print(json.dumps(came))
 def test_an_interrupt_stops_the_copies_and_keeps_what_came() -> None:
     left, came, ended = answer(
         """
+from multiprocessing import get_context
+asleep = get_context("fork").Event()
+
 def one(item):
     if item == 4:
         try:
+            asleep.set()
             time.sleep(50)
         except KeyboardInterrupt:
             return "interrupted"
+    if item == 9:
+        asleep.wait()
     return item
 
 def stopping(item, result):
