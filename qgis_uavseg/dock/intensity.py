@@ -13,6 +13,7 @@ from qgis.PyQt.QtWidgets import QComboBox, QFormLayout, QLineEdit, QWidget
 from ..reading import INDICES
 
 BAND, INDEX, FORMULA = "a band", "an index", "a formula"
+LABELS = {"--band": "Band", "--index": "Index", "--expr": "Formula", "--band-names": "Band names"}
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,10 @@ class IntensityBox(QWidget):
         self.names.setToolTip("Names of the bands: red,green,blue,nir, or some: nir=4; Enter takes them")
         self._rows = (
             ("Intensity", self.kinds, (BAND, INDEX, FORMULA)),
-            ("Band", self.bands, (BAND,)),
-            ("Index", self.indices, (INDEX,)),
-            ("Formula", self.formula, (FORMULA,)),
-            ("Band names", self.names, (INDEX, FORMULA)),
+            (LABELS["--band"], self.bands, (BAND,)),
+            (LABELS["--index"], self.indices, (INDEX,)),
+            (LABELS["--expr"], self.formula, (FORMULA,)),
+            (LABELS["--band-names"], self.names, (INDEX, FORMULA)),
         )
         for label, widget, _ in self._rows:
             self.form.addRow(label, widget)

@@ -21,6 +21,7 @@ from qgis.PyQt.QtWidgets import (
 )
 
 from ..algorithms.plan import AUTOPILOTS, PATTERNS
+from ..flags import field_name
 from ..options import plain
 from .draw_tools import PlaceTool, PolygonTool
 from .home_and_zones import HomeAndZones, PlaceError
@@ -28,6 +29,19 @@ from .mission import escaped
 from .range_panel import narrow
 
 DEFAULT_ALTITUDE_M = 60.0
+LABELS = {
+    "--altitude": "Height above home",
+    "--pattern": "Pattern",
+    "--camera": "Camera",
+    "--gsd": "Ground sampling",
+    "--spacing": "Between lines",
+    "--autopilot": "Autopilot",
+    "--endurance": "Endurance",
+    "--home-altitude": "Home above the sea",
+    "--home": "Home",
+    "--avoid": "Keep-out",
+}
+FIELDS = {flag: field_name(label) for flag, label in LABELS.items()}  # what messages write for a flag
 
 
 class MissionPanel(QGroupBox):
@@ -60,22 +74,22 @@ class MissionPanel(QGroupBox):
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         rows = (
-            ("Height above home", self.altitude),
-            ("Pattern", self.pattern),
-            ("Camera", self.camera),
-            ("Ground sampling", self.gsd),
-            ("Between lines", self.spacing),
-            ("Autopilot", self.autopilot),
-            ("Endurance", self.endurance),
-            ("Home above the sea", self.home_altitude),
+            ("--altitude", self.altitude),
+            ("--pattern", self.pattern),
+            ("--camera", self.camera),
+            ("--gsd", self.gsd),
+            ("--spacing", self.spacing),
+            ("--autopilot", self.autopilot),
+            ("--endurance", self.endurance),
+            ("--home-altitude", self.home_altitude),
         )
-        for label, widget in rows:
-            form.addRow(label, widget)
+        for flag, widget in rows:
+            form.addRow(LABELS[flag], widget)
         places = QGridLayout()
         for row, parts in enumerate(
             (
-                (QLabel("Home"), self.home_label, self.home_button, self.clear_home),
-                (QLabel("Keep-out"), self.zone_label, self.zone_button, self.clear_zones),
+                (QLabel(LABELS["--home"]), self.home_label, self.home_button, self.clear_home),
+                (QLabel(LABELS["--avoid"]), self.zone_label, self.zone_button, self.clear_zones),
             )
         ):
             for column, part in enumerate(parts):

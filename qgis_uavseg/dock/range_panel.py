@@ -24,12 +24,20 @@ from qgis.PyQt.QtWidgets import (
     QWidget,
 )
 
+from ..flags import field_name, in_dialog
 from .block_means import BlockMeans
 from .draw_tools import DiscTool
 from .finder import DIVIDING, Found, RegionFinder
 from .histogram_slider import HistogramSlider
-from .intensity import IntensityBox
+from .intensity import LABELS, IntensityBox
 from .preview_item import PreviewItem
+
+SAMPLE = "Draw a sample on the map"
+FIELDS = {
+    **{flag: field_name(label) for flag, label in LABELS.items()},
+    "--range": "“v from” and “to”",
+    "--like": field_name(SAMPLE),
+}
 
 
 class RangePanel(QWidget):
@@ -49,7 +57,7 @@ class RangePanel(QWidget):
         self.slider, self.low, self.high = HistogramSlider(), _end("From v"), _end("To v")
         self.state, self.bar = QLabel(), QProgressBar()
         self.stop_button = QPushButton("Stop")
-        self.sample = QPushButton("Draw a sample on the map...")
+        self.sample = QPushButton(f"{SAMPLE}...")
         self._lay_out()
         self._connect()
         self._enable(False)
@@ -185,11 +193,9 @@ class RangePanel(QWidget):
 
     def _found(self, found: Found) -> None:
         self.preview.clear()
-        self.state.setText(
-            " ".join(
-                line for line in found.said if line.startswith(("note: ", "warning: ", "uavseg: warning: "))
-            )
-        )
+        kinds = ("note: ", "warning: ", "uavseg: warning: ")
+        said = " ".join(line for line in found.said if line.startswith(kinds))
+        self.state.setText(in_dialog(said, FIELDS))
 
     def _stopped(self) -> None:
         self.finder.cancel()
@@ -199,7 +205,7 @@ class RangePanel(QWidget):
         )
 
     def _failed(self, text: str) -> None:
-        self.state.setText(text)
+        self.state.setText(in_dialog(text, FIELDS))
 
     def _progress(self, share: int) -> None:
         self.bar.setValue(share)

@@ -30,11 +30,12 @@ from qgis.PyQt.QtWidgets import (
 )
 
 from ..algorithms.plan import MISSION_EXTENSIONS, TARGET_FILTER
+from ..flags import in_dialog
 from .draw_tools import PlaceTool
 from .finder import Found
 from .mission import MissionPlanner, MissionRequest, Planned, escaped, summary
 from .mission_layers import footprints_layer, legs_layer, not_shown
-from .mission_panel import MissionPanel
+from .mission_panel import FIELDS, MissionPanel
 from .range_panel import RangePanel
 from .tick_list import TickList, show_ticks
 
@@ -286,10 +287,12 @@ class RegionsDock(QgsDockWidget):
         self._say(planned, f"<b>saved:</b> {escaped(', '.join(map(str, planned.files)))}<br>")
 
     def _say(self, planned: Planned, first: str) -> None:
-        self.mission.estimate.setText(first + summary(planned.found))
+        self.mission.estimate.setText(first + in_dialog(summary(planned.found), FIELDS))
 
     def _refuse(self, text: str) -> None:
-        self.mission.estimate.setText(f'<span style="color:#b00020">{escaped(text)}</span>')
+        self.mission.estimate.setText(
+            f'<span style="color:#b00020">{escaped(in_dialog(text, FIELDS))}</span>'
+        )
 
     def _show(self, name: str, layer: QgsVectorLayer | None) -> None:
         """Show a layer on top, in place of the one of that name before."""

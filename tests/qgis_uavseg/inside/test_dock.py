@@ -523,7 +523,12 @@ def test_what_must_not_be_flown_is_refused_with_its_reason(quarry_dock: Any, tmp
     dock.mission.home_altitude.setValue(dock.mission.home_altitude.minimum())
     dock.mission.altitude.setValue(300)
     _plan(dock)
-    assert "120" in dock.mission.estimate.text() and not dock.mission.save_button.isEnabled()
+    said = dock.mission.estimate.text()
+    assert "120" in said and not dock.mission.save_button.isEnabled()
+    assert "--max-altitude is an option of the command line" in said
+    dock.mission.gsd.setValue(2)
+    _plan(dock)
+    assert "needs a camera (“Camera”)</span>" in dock.mission.estimate.text()
 
 
 def test_words_of_a_request(tmp_path: Path) -> None:
