@@ -142,6 +142,32 @@ function popupPlace() {
       own.layers = await page.isVisible(".leaflet-control-layers-list");
       await look("with layers");
     }
+    if (kind === "serve") {
+      // Jobs by keys alone: regions, a mission over them, and one that is refused.
+      const work = async (button) => {
+        await page.focus(button);
+        await page.keyboard.press("Enter");
+        await page.waitForFunction(() => document.getElementById("exact").disabled, null, {timeout: 5000}).catch(() => null);
+        await page.waitForFunction(() => !document.getElementById("exact").disabled, null, {timeout: 60000});
+      };
+      await page.fill("#low-number", "0.55");
+      await page.press("#low-number", "Tab");
+      await page.fill("#min-area", "500");
+      await work("#exact");
+      own.downloads = [await page.locator("a[data-file]").count()];
+      await look("with regions");
+      await page.selectOption("#camera", "DJI Mavic 3");
+      await page.fill("#altitude", "60");
+      await work("#plan");
+      await page.waitForSelector("a[data-file='mission.plan']", {timeout: 60000});
+      own.downloads.push(await page.locator("a[data-file]").count());
+      await look("with a mission");
+      await page.screenshot({path: `${folder}/access_served_${name}.png`});
+      await page.fill("#altitude", "-5");
+      await work("#plan");
+      own.refused = await page.innerText("#job-status");
+      await look("with a refusal");
+    }
     if (name === "phone") {
       await page.focus("#toggle");
       await page.keyboard.press("Enter");

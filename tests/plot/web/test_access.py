@@ -77,5 +77,13 @@ def test_regions_and_layers_are_used_by_keys(size: str, seen: dict[str, Any]) ->
     assert found["focus"] == [True, True]
 
 
+@pytest.mark.parametrize("size", SIZES)
+def test_jobs_of_a_server_are_started_by_keys(size: str, seen: dict[str, Any]) -> None:
+    found = seen["serve"][size]
+    of_regions, of_all = found["downloads"]
+    assert 0 < of_regions < of_all
+    assert "altitude" in found["refused"] or "height" in found["refused"]
+
+
 def test_keys_hide_the_panel_of_a_telephone(seen: dict[str, Any]) -> None:
     assert [seen[kind]["phone"]["toggled"] for kind in ("map", "serve")] == [[True, "false"]] * 2
