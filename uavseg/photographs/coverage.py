@@ -19,7 +19,6 @@ from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, ROI_LOCATION
 from uavseg.flight.mission.mission import Ground as Below, Mission
 from uavseg.flight.mission.track import Plane
-from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
 from uavseg.raster.geodesy.globe import wrap_lon
@@ -200,7 +199,7 @@ def planned_photographs(
         lat, lon = np.array(known).T
         heights = dict(zip(known, ground.heights_m(lon, lat).tolist(), strict=True))
         mission = replace(mission, ground=Below(below_m=heights, lowest_m=0.0, highest_m=0.0))
-    path = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
+    path = flown_path(mission)
     if path.photographs.sum() > MAX_PLANNED:
         raise MissionError(f"the mission takes {path.photographs.sum():,} photographs, above {MAX_PLANNED:,}")
     if path.shots and any(item.command == ROI_LOCATION for item in mission.items):

@@ -4,14 +4,17 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import decided, phase
+from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.occupancy.map_file import open_map, stretch_of
+from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.occupancy.ros.ros_map import is_ros_map
 from uavseg.plain_text import printable
 from uavseg.plot.layers import mission_layer
@@ -25,12 +28,6 @@ from uavseg.raster.read.dataset import Dataset, DatasetOverview
 from uavseg.regions.sample.place import Disc, sample_mask
 from uavseg.regions.table import Regions
 
-if TYPE_CHECKING:
-    from uavseg.flight.mission.mission import Mission
-    from uavseg.occupancy.paths.find_path import PlannedPath
-
-File = str | os.PathLike[str]
-
 _WIDTH_IN, _HEAD_IN, _FOOT_IN, _MARGIN_IN = 9.0, 0.62, 0.34, 0.15  # the page; text keeps its size on it
 _MIN_HEIGHT_IN, _MAX_HEIGHT_IN = 2.6, 13.0
 _ANSWER_IN, _ANSWER_DPI = 5.0, 160  # width of the raster under each of several answers
@@ -40,15 +37,15 @@ _MAX_FITTED = 1024  # rows and columns to which its stretch is fitted
 
 def preview(
     raster: Any,
-    out: File,
+    out: Path_,
     regions: Any = None,
-    mission: "Mission | File | Sequence[Mission | File] | None" = None,
+    mission: Mission | Path_ | Sequence[Mission | Path_] | None = None,
     *,
     levels: Any = None,
-    states: Dataset | File | None = None,
-    leaves: File | None = None,
-    labels: Dataset | File | None = None,
-    path: "PlannedPath | File | None" = None,
+    states: Dataset | Path_ | None = None,
+    leaves: Path_ | None = None,
+    labels: Dataset | Path_ | None = None,
+    path: PlannedPath | Path_ | None = None,
     stretch: Stretch | StretchSpec | str = "auto",
     collar: str = "auto",
     width_px: int = 1400,
@@ -102,7 +99,7 @@ def preview(
 
 def draw_answers(
     dataset: Dataset,
-    out: File,
+    out: Path_,
     answers: Mapping[str, Regions],
     stretch: AnyStretch = "auto",
     overwrite: bool = False,
@@ -131,7 +128,7 @@ def draw_answers(
 class PlacePicture:
     """PNG of the surroundings of a disc, drawn anew for each; OutputError if it may not be written."""
 
-    out: File
+    out: Path_
     overwrite: bool = False  # whether a picture that is there before the first may be replaced
 
     def __post_init__(self) -> None:

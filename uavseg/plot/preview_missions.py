@@ -1,6 +1,5 @@
 """Preview of missions without a raster: a map of the flights, and a profile of their heights."""
 
-import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +10,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
@@ -19,9 +18,9 @@ from uavseg.flight.mission.estimate import flown_path
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, TAKEOFFS
 from uavseg.flight.mission.mission import Ground, Mission
 from uavseg.flight.mission.track import Plane, plane_around
-from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.terrain.altitude_profile import known_heights_m, profile_along
 from uavseg.jobs.source.inputs import keep_inputs
+from uavseg.plain_text import first_of
 from uavseg.plot.layers.mission_layer import FenceLayer, mission_layers, mission_title, read_missions
 from uavseg.plot.page import page
 from uavseg.raster.elevation.dem import Dem
@@ -45,7 +44,7 @@ class FlightProfile:
     zero: str  # "home", "the sea" or "the ellipsoid"
 
 
-def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
+def flight_profile(mission: Mission, dem: Dem | None = None) -> FlightProfile:
     """Compute the heights of a mission, from takeoff to where it ends.
 
     With a DEM they are above its zero. Without it they are above home, and heights above the terrain count as
@@ -58,7 +57,7 @@ def flight_profile(mission: Mission, dem: "Dem | None" = None) -> FlightProfile:
         lat, lon = np.array(places).T
         above_zero = dict(zip(places, known_heights_m(dem, lon, lat).tolist(), strict=True))
         known = replace(mission, ground=Ground(above_zero, np.nan, np.nan))
-    path = flown_path(known, mission.vehicle or default_vehicle(mission.autopilot))
+    path = flown_path(known)
     along, height = np.r_[0.0, np.cumsum(path.length_m)], path.xyz_m[:, 2]
     is_line, ground_along, below, lowest, zero = path.is_line, np.empty(0), np.empty(0), np.nan, "home"
     if dem is not None:
@@ -125,7 +124,6 @@ def draw_profiles(ax: Any, profiles: Sequence[FlightProfile], colors: Sequence[s
     page.draw_spines(ax)
 
 
-File = str | os.PathLike[str]
 Named = Sequence[tuple[str, Mission]]
 
 _WIDTH_IN, _MARGIN_IN = 9.0, 0.15  # the page; text keeps its size on it
@@ -136,10 +134,10 @@ _MAX_NAMES = 3  # of flights in the title
 
 
 def preview_missions(
-    missions: "Mission | File | Sequence[Mission | File]",
-    out: File,
+    missions: Mission | Path_ | Sequence[Mission | Path_],
+    out: Path_,
     *,
-    dem: File | Sequence[File] | None = None,
+    dem: Path_ | Sequence[Path_] | None = None,
     width_px: int = 1400,
     overwrite: bool = False,
 ) -> Path:
@@ -207,15 +205,13 @@ def _figure(named: Named, profiles: Sequence[FlightProfile], dpi: float, dem_nam
     box = (_LEFT_IN, _FOOT_IN - 0.15, _WIDTH_IN - _LEFT_IN - _MARGIN_IN, _PROFILE_IN - 0.05)
     profile = figure.add_axes((box[0] / _WIDTH_IN, box[1] / page_in, box[2] / _WIDTH_IN, box[3] / page_in))
     draw_profiles(profile, profiles, [layer.color for layer in layers])
-    names = [name for name, _ in named]
-    others = f" and {len(names) - _MAX_NAMES} more" if len(names) > _MAX_NAMES else ""
-    title, subtitle = ", ".join(names[:_MAX_NAMES]) + others, " · ".join(mission_title(layers))
+    title, subtitle = first_of([name for name, _ in named], _MAX_NAMES), " · ".join(mission_title(layers))
     caption = _caption(missions, profiles, dem_name)
     page.write_text(figure, _MARGIN_IN / _WIDTH_IN, title, subtitle, caption, 0.08)
     return figure
 
 
-def _frame(missions: Sequence["Mission"]) -> page.Frame:
+def _frame(missions: Sequence[Mission]) -> page.Frame:
     """Return plot coordinates around the homes and positions of missions, north up."""
     lat, lon = (np.concatenate([mission.path[k] for mission in missions]) for k in (0, 1))
     plane, side = plane_around(np.column_stack([lon, lat, lon, lat]), float(lon[0])), _MIN_SIDE_M
@@ -230,7 +226,7 @@ def _view(points: NDArray[np.float64]) -> page.View:
     return left, right, bottom, top
 
 
-def _caption(missions: Sequence["Mission"], profiles: Sequence[FlightProfile], dem_name: str | None) -> str:
+def _caption(missions: Sequence[Mission], profiles: Sequence[FlightProfile], dem_name: str | None) -> str:
     home = missions[0].home
     parts = [f"home {home.lat:.6f},{home.lon:.6f}, {home.altitude_m:g} m above the sea"]
     pilots = dict.fromkeys(mission.autopilot for mission in missions)

@@ -68,7 +68,7 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
     segments = np.stack([xy[:-1], xy[1:]], axis=1)[line[:-1] == line[1:]]
     shapely.prepare(polygon)
     inner: Floats = segments[shapely.contains_properly(polygon, shapely.linestrings(segments))]
-    graph = _Graph.of_edges(inner)
+    graph = _Graph(inner)
     radius = shapely.distance(shapely.boundary(polygon), shapely.points(graph.places))
     while True:
         bumps = [
@@ -88,18 +88,13 @@ def medial_axis(polygon: Any, detail_m: float) -> list[Branch]:
 class _Graph:
     """Places and the links between them; a path leads from junction or end to junction or end."""
 
-    def __init__(self, places: Floats, links: dict[int, set[int]]) -> None:
-        self.places, self.links = places, links
-
-    @classmethod
-    def of_edges(cls, edges: Floats) -> "_Graph":
-        places, index = np.unique(edges.reshape(-1, 2).round(6), axis=0, return_inverse=True)
-        links: dict[int, set[int]] = {k: set() for k in range(len(places))}
+    def __init__(self, edges: Floats) -> None:
+        self.places, index = np.unique(edges.reshape(-1, 2).round(6), axis=0, return_inverse=True)
+        self.links: dict[int, set[int]] = {k: set() for k in range(len(self.places))}
         for one, other in index.reshape(-1, 2).tolist():
             if one != other:
-                links[one].add(other)
-                links[other].add(one)
-        return cls(places, links)
+                self.links[one].add(other)
+                self.links[other].add(one)
 
     def degree(self, place: int) -> int:
         return len(self.links[place])

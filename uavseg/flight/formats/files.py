@@ -1,13 +1,13 @@
 """Mission files: writers and readers by extension, GeoJSON for display, and rules of ground stations."""
 
 import json
-import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.formats.kml import kml_losses, read_kml, write_kml
@@ -22,8 +22,6 @@ from uavseg.flight.mission.mission import Mission
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of, shown
-
-MissionPath = str | os.PathLike[str]
 
 MAX_BYTES = 64 << 20  # of a mission file; 65 534 items take 20 MB
 _MISFITS = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, RecursionError)
@@ -92,7 +90,7 @@ FORMATS = {
 
 def write_mission(
     mission: Mission,
-    path: MissionPath,
+    path: Path_,
     overwrite: bool = False,
     check: Callable[[Mission], None] | None = None,
     *,
@@ -127,7 +125,7 @@ def write_mission(
         warnings.warn(loss, stacklevel=2)
 
 
-def file_options(path: MissionPath, **given: Any) -> FileOptions:
+def file_options(path: Path_, **given: Any) -> FileOptions:
     """Return the options of a file that is to be written, by their names; errors as of `write_mission`."""
     suffix, options = check_mission_format(path), FileOptions(**given)
     if options.editable and suffix != ".plan":
@@ -147,7 +145,7 @@ def _from_home(mission: Mission, home: HomePosition) -> Mission:
     return replace(mission, home=home, items=items)
 
 
-def read_mission(path: MissionPath) -> Mission:
+def read_mission(path: Path_) -> Mission:
     """Read a mission from a file in any of the formats of `write_mission`.
 
     A mission from `write_mission` is read back equal from a .plan, .kml or .geojson file. A .waypoints file
@@ -168,7 +166,7 @@ def read_mission(path: MissionPath) -> Mission:
         raise MissionError(f"{path} is not a mission that can be read: {cause_of(error)}") from error
 
 
-def check_mission_format(path: MissionPath) -> str:
+def check_mission_format(path: Path_) -> str:
     """Return the extension of a mission file, such as ".plan"; MissionError if it is not in `FORMATS`."""
     suffix = Path(path).suffix.lower()
     if suffix not in FORMATS:

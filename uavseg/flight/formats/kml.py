@@ -11,13 +11,12 @@ from collections.abc import Iterator
 from uavseg.errors import MissionError
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.formats.xml_text import child, parse_xml, plain_name, xml_text
+from uavseg.flight.formats.xml_text import KML_NAMESPACE, child, parse_xml, plain_name, xml_text
 from uavseg.flight.mission import features
 from uavseg.flight.mission.features import MissionFeature, Place, Value, features_of, mission_of_features
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import shown
 
-NAMESPACE = "http://www.opengis.net/kml/2.2"
 FOLDERS = {features.FLIGHT: "line of flight", features.PHOTOS: "photographs", features.HOME: "home"}
 FOLDERS |= {features.ITEM: "items", features.FENCE: "fence", features.RALLY: "rally points"}
 _COLORS = {features.FLIGHT: "ff00d7ff", features.PHOTOS: "ff0055ff", features.FENCE: "ff00ff00"}  # aabbggrr
@@ -27,7 +26,7 @@ _SHAPES = ("Point", "LineString", "Polygon")
 
 def write_kml(mission: Mission, options: FileOptions) -> bytes:
     """Write a mission as the content of a .kml file."""
-    root = ET.Element("kml", {"xmlns": NAMESPACE})
+    root = ET.Element("kml", {"xmlns": KML_NAMESPACE})
     document = child(root, "Document")
     child(document, "name", plain_name(mission.name) or "mission")
     for kind, color in _COLORS.items():

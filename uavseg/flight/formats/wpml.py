@@ -19,13 +19,12 @@ from uavseg.flight.formats import wayline as waylines
 from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
 from uavseg.flight.formats.wayline import Wayline, WaylinePoint, legs_m
 from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.formats.xml_text import child, parse_xml, xml_text
+from uavseg.flight.formats.xml_text import KML_NAMESPACE, child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.plain_text import shown
 
 NAMESPACE = "http://www.dji.com/wpmz/1.0.2"
 FLY_NAMESPACE = "http://www.uav.com/wpmz/1.0.2"
-KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
 MAX_SPEED_M_S = 15.0
 MAX_WAYPOINTS = 65535  # of items of a mission there are fewer, and so of action groups
 MIN_LEG_M = 0.5
@@ -372,7 +371,11 @@ class _Reader:
         elif function == "hover":
             held = self.points[first].hold_s + _number_at(action, "actionActuatorFuncParam/hoverTime")
             self._change(first, hold_s=held)
-        elif function == "gimbalRotate" and _turns_pitch(action):
+        elif (
+            function == "gimbalRotate"
+            and action.findtext("actionActuatorFuncParam/gimbalPitchRotateEnable") == "1"
+            and action.findtext("actionActuatorFuncParam/gimbalRotateMode") == "absoluteAngle"
+        ):
             pitch = _number_at(action, "actionActuatorFuncParam/gimbalPitchRotateAngle")
             self._change(first, pitch_deg=pitch)
         else:
@@ -380,12 +383,6 @@ class _Reader:
 
     def _change(self, index: int, **changes: object) -> None:
         self.points[index] = replace(self.points[index], **changes)  # type: ignore[arg-type]
-
-
-def _turns_pitch(action: ET.Element) -> bool:
-    params = action.find("actionActuatorFuncParam")
-    tags = ("gimbalPitchRotateEnable", "gimbalRotateMode")
-    return params is not None and [*map(params.findtext, tags)] == ["1", "absoluteAngle"]
 
 
 def _frame(mode: str) -> int:

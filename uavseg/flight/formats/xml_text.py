@@ -6,6 +6,7 @@ from xml.parsers import expat
 from uavseg.errors import MissionError
 from uavseg.plain_text import one_line
 
+KML_NAMESPACE = "http://www.opengis.net/kml/2.2"
 MAX_BYTES = 64 << 20
 MAX_DEPTH = 64
 MAX_ELEMENTS = 2_000_000

@@ -14,7 +14,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import LinkError
 from uavseg.flight.link.messages import MissionType, Result
 from uavseg.flight.link.transport import Source, Transport, open_transport, parse_address
-from uavseg.flight.mission.items import AUTOPILOTS
+from uavseg.flight.mission.items import AUTOPILOT_NAMES, AUTOPILOTS
 
 TIMEOUT_S = 10.0  # ArduPilot asks again after 1 s and gives up after 8 s; PX4 after 0.25 and 5 s
 HEARTBEAT_S = 1.0
@@ -40,7 +40,6 @@ ARMED = 128  # MAV_MODE_FLAG_SAFETY_ARMED
 # MAV_TYPE of what has a heartbeat but flies no mission
 TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA = 5, 6, 18, 26, 27, 30
 NOT_VEHICLES = frozenset({TRACKER, GROUND_STATION, COMPANION, GIMBAL, ADSB, CAMERA})
-AUTOPILOT_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}  # for people
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,12 +5,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from uavseg.errors import LinkError, MissionError, UnverifiedError
+from uavseg.execution.executors import Progress
 from uavseg.flight.link import messages
-from uavseg.flight.link.link import AUTOPILOT_NAMES, POLL_S, Link, LinkedVehicle
+from uavseg.flight.link.link import POLL_S, Link, LinkedVehicle
 from uavseg.flight.link.messages import LinkItem, MissionType, RefusedError, TransferLostError
-from uavseg.flight.link.transfer import Count, Progress, count_items, receive_items, send_items
+from uavseg.flight.link.transfer import Count, count_items, receive_items, send_items
 from uavseg.flight.mission import items as mav
-from uavseg.flight.mission.items import HomePosition, MissionItem
+from uavseg.flight.mission.items import AUTOPILOT_NAMES, HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 
 UNITS = 1  # of 1e-7 degrees

@@ -6,6 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import common
 
 from uavseg.errors import LinkError
+from uavseg.execution.executors import Progress
 from uavseg.flight.link import messages
 from uavseg.flight.link.link import Link
 from uavseg.flight.link.messages import LinkItem, MissionType, RefusedError, Result, TransferLostError
@@ -18,7 +19,6 @@ TEXT_S = 0.5  # within which the vehicle says why it refuses
 MAX_RESTARTS = 5  # by the vehicle, which then asks for item 0 again
 
 Count = Callable[[int], None]  # called with the number of items that are done
-Progress = Callable[[int, int], None]  # called with the number of items that are done, and of all
 
 _BUSY = frozenset({Result.ERROR, Result.DENIED, Result.NO_SPACE, Result.OPERATION_CANCELLED})
 PAUSES_S = (0.0, 0.02, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2)  # between items; of each attempt
@@ -66,7 +66,9 @@ class _Sender:
     def run(self) -> bool:
         self._send_last()
         while True:
-            message = self.link.next_message(min(self._repeat_at, self._give_up_at))
+            wait_s = self.link.timer.timeout_s
+            wait_s = max(wait_s, REQUEST_S) if self.last >= 0 and self.repeats else wait_s
+            message = self.link.next_message(min(self.sent_at + wait_s, self._give_up_at))
             if message is None:
                 if self.link.now() >= self._give_up_at:
                     return self._give_up()
@@ -129,11 +131,6 @@ class _Sender:
             is_current = self.last == 0 and self.type == MissionType.MISSION
             fields = self.items[self.last].fields(self.last, is_current)
             self.link.send("mission_item_int", self.type, *fields)
-
-    @property
-    def _repeat_at(self) -> float:
-        wait_s = self.link.timer.timeout_s
-        return self.sent_at + (max(wait_s, REQUEST_S) if self.last >= 0 and self.repeats else wait_s)
 
     @property
     def _give_up_at(self) -> float:

@@ -61,6 +61,7 @@ class Transport(Protocol):
 
     is_datagram: bool = False  # whether each piece that arrives holds whole messages
     trouble: str = ""  # what the system reported last, such as a refused connection
+    _port: Any
 
     def send(self, data: bytes) -> None:
         """Send bytes; may lose them."""
@@ -74,6 +75,7 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Release the port."""
+        self._port.close()
 
 
 def open_transport(address: Address, timeout_s: float) -> Transport:
@@ -103,30 +105,30 @@ class UdpSocket(Transport):
     def __init__(self, address: Address, family: int, where: Any) -> None:
         self._listens = address.scheme == "udpin"
         self._peer: Source = None
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._port = socket.socket(family, socket.SOCK_DGRAM)
         try:
             if self._listens:
-                self._socket.bind(where)
+                self._port.bind(where)
             else:
-                self._socket.connect(where)
+                self._port.connect(where)
         except OSError:
-            self._socket.close()
+            self._port.close()
             raise
 
     def send(self, data: bytes) -> None:
         """Send a datagram; a listening socket has none to send to before somebody spoke."""
         try:
             if not self._listens:
-                self._socket.send(data)
+                self._port.send(data)
             elif self._peer is not None:
-                self._socket.sendto(data, self._peer)
+                self._port.sendto(data, self._peer)
         except OSError as error:  # a datagram may get lost in any case; the transfer repeats it
             self.trouble = _reason(error)
 
     def receive(self, timeout_s: float) -> tuple[bytes, Source] | None:
-        self._socket.settimeout(max(timeout_s, 0.001))
+        self._port.settimeout(max(timeout_s, 0.001))
         try:
-            data, source = self._socket.recvfrom(_BYTES)
+            data, source = self._port.recvfrom(_BYTES)
         except TimeoutError:
             return None
         except OSError as error:  # such as a port on which nobody listens yet
@@ -140,35 +142,32 @@ class UdpSocket(Transport):
     def answer(self, source: Source) -> None:
         self._peer = source
 
-    def close(self) -> None:
-        self._socket.close()
-
 
 class TcpStream(Transport):
     """One TCP connection."""
 
     def __init__(self, address: Address, family: int, where: Any, timeout_s: float) -> None:
         self._address = address
-        self._socket = socket.socket(family, socket.SOCK_STREAM)
+        self._port = socket.socket(family, socket.SOCK_STREAM)
         try:
-            self._socket.settimeout(timeout_s)
-            self._socket.connect(where)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._port.settimeout(timeout_s)
+            self._port.connect(where)
+            self._port.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         except OSError:
-            self._socket.close()
+            self._port.close()
             raise
 
     def send(self, data: bytes) -> None:
         try:
-            self._socket.settimeout(SEND_S)
-            self._socket.sendall(data)
+            self._port.settimeout(SEND_S)
+            self._port.sendall(data)
         except OSError as error:
             raise LinkError(f"the connection to {self._address} is lost: {_reason(error)}") from error
 
     def receive(self, timeout_s: float) -> tuple[bytes, Source] | None:
         try:
-            self._socket.settimeout(max(timeout_s, 0.001))
-            data = self._socket.recv(_BYTES)
+            self._port.settimeout(max(timeout_s, 0.001))
+            data = self._port.recv(_BYTES)
         except TimeoutError:
             return None
         except OSError as error:
@@ -176,9 +175,6 @@ class TcpStream(Transport):
         if not data:
             raise LinkError(f"the connection to {self._address} was closed by the other side")
         return data, None
-
-    def close(self) -> None:
-        self._socket.close()
 
 
 class SerialLine(Transport):
@@ -209,9 +205,6 @@ class SerialLine(Transport):
         except OSError as error:
             raise LinkError(f"the serial line {self._address} is lost: {error}") from error
         return (data, None) if data else None
-
-    def close(self) -> None:
-        self._port.close()
 
 
 def _reason(error: OSError) -> str:

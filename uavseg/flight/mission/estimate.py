@@ -108,11 +108,13 @@ class _Walk:
         self.stop[-1] = True
 
 
-def flown_path(mission: Mission, vehicle: Vehicle, wind: Wind = CALM) -> FlownPath:
+def flown_path(mission: Mission, vehicle: Vehicle | None = None, wind: Wind = CALM) -> FlownPath:
     """Return the legs of a mission as a vehicle flies them: up, along its items, back where it returns.
 
+    By default the vehicle is that of the mission, or the default one of its autopilot.
     In a wind from any direction, times are those of the direction in which the flight takes longest.
     """
+    vehicle = vehicle or mission.vehicle or default_vehicle(mission.autopilot)
     plane = Plane(mission.home.lat, mission.home.lon)
     walk = _Walk([(0.0, 0.0, 0.0)])
     speed, trigger, ends = CRUISE_M_S, (0.0, 0.0), ""
@@ -384,7 +386,7 @@ def footprints(mission: Mission, photos: Photos | None = None) -> Footprints:
     `photos` are by default those of the mission. A gimbal pitch that items of the mission set takes
     precedence.
     """
-    path = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
+    path = flown_path(mission)
     count = int(path.photographs.sum())
     known = photos or mission.photos
     if not count:

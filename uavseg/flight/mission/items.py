@@ -36,6 +36,7 @@ DEGREE_DECIMALS = 8  # a millimetre
 FRAME_AMSL, FRAME_MISSION, FRAME_RELATIVE, FRAME_TERRAIN = 0, 2, 3, 10
 
 AUTOPILOTS = {"ardupilot": 3, "px4": 12, "generic": 0}  # MAV_AUTOPILOT
+AUTOPILOT_NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}  # for people
 MAX_ITEMS = 65534  # the link counts in 16 bits, and the home of ArduPilot takes one
 MAX_HEIGHT_M = 1000.0  # above home: more is nearly always a height above the sea, or feet
 MAX_FIRST_LEG_M = 20_000.0

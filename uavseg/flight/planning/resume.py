@@ -16,7 +16,6 @@ from uavseg.flight.mission.estimate import FlownPath, flown_path
 from uavseg.flight.mission.items import MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Plane
-from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.planning.split import MIN_LEG_M
 from uavseg.flight.safety.check import area_of, fence_problems
 
@@ -49,7 +48,7 @@ def path_of(mission: Mission) -> FlownPath:
             )
         flown |= item.has_position
         ended |= item.command in {mav.RETURN, mav.LOITER, *mav.LANDINGS}
-    return flown_path(replace(mission, ground=None), mission.vehicle or default_vehicle(mission.autopilot))
+    return flown_path(replace(mission, ground=None))
 
 
 def _refuse(number: int, item: MissionItem, why: str) -> NoReturn:

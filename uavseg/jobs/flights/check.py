@@ -40,7 +40,6 @@ from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180
 from uavseg.regions.formats.export import check_region_path, write_regions
 from uavseg.regions.table import Regions
 
-NAMES = {"ardupilot": "ArduPilot", "px4": "PX4"}
 CLEARANCE_M = 5.0  # least height above the ground of a DEM
 ANY_HEIGHT = SafetyParams(max_altitude_m=mav.MAX_HEIGHT_M)
 LOGS = (".bin", ".log", ".ulg", ".tlog")
@@ -198,15 +197,15 @@ def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> Mi
     mission = replace(mission, wind=request.wind or mission.wind)
     requested = request.autopilot or own
     decided("checked for %s, %d keep-out zones", requested or "any autopilot", len(request.zones))
-    pilots = {key: _reason(partial(replace, mission, autopilot=key)) for key in NAMES}
-    verdicts = [Verdict(NAMES[key], reason) for key, reason in pilots.items()]
+    pilots = {key: _reason(partial(replace, mission, autopilot=key)) for key in mav.AUTOPILOT_NAMES}
+    verdicts = [Verdict(mav.AUTOPILOT_NAMES[key], reason) for key, reason in pilots.items()]
     verdicts += [Verdict(who, reason) for who, reason in refused.items()]
     verdicts += [
         Verdict("DJI (.kmz)", _reason(lambda: wpml.check_wayline(wayline_of(mission, kmz.NAME), kmz.NAME))),
         Verdict("Litchi (.csv)", _reason(lambda: litchi.check_wayline(wayline_of(mission, litchi.NAME)))),
     ]
-    needed = list(NAMES) if requested == "generic" else [requested] if requested else []
-    problems = [f"{NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
+    needed = list(mav.AUTOPILOT_NAMES) if requested == "generic" else [requested] if requested else []
+    problems = [f"{mav.AUTOPILOT_NAMES[key]} refuses it: {pilots[key]}" for key in needed if pilots[key]]
     with phase("paper check"):
         problems += _paper_check(mission, request, requested).problems(mission)
         if mission.fence or request.zones or request.dem or request.safety.max_distance_m:

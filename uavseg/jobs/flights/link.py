@@ -1,12 +1,12 @@
 """Upload of a mission to a vehicle, and download of the one that it holds."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.execution.executors import decided, phase
+from uavseg.execution.executors import Progress as Progress, decided, phase
 from uavseg.flight.formats.files import check_mission_format, read_mission
 from uavseg.flight.link.link import TIMEOUT_S, Link, connect
 from uavseg.flight.link.missions import download_mission, upload_mission
@@ -15,8 +15,6 @@ from uavseg.flight.mission.mission import Mission
 
 MAX_TIMEOUT_S = 600.0
 UPLOADABLE = (".plan", ".waypoints")
-
-Progress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ import numpy as np
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
-from uavseg.flight.formats.files import MissionPath, write_mission
+from uavseg.flight.formats.files import write_mission
 from uavseg.flight.formats.options import DEFAULT_DJI_MODEL, TURN_STOP, TURN_THROUGH
 from uavseg.flight.formats.wpml import TURN_M
 from uavseg.flight.mission.features import as_html, explore
@@ -131,8 +131,10 @@ class MissionPlan:
                 f"with --turn through the aircraft leaves the legs by up to {corner_m:g} m at corners; keep "
                 "at least that from zones (--avoid-margin), or stop at waypoints"
             )
-        count = len(self.missions)
-        paths, stale = _flight_paths(path, count), _stale_flight(path, count)
+        base, count = Path(path), len(self.missions)
+        numbered = [base.with_name(f"{base.stem}-{k}{base.suffix}") for k in range(1, count + 2)]
+        paths, others = ([base], numbered[:1]) if count == 1 else (numbered[:-1], [numbered[-1], base])
+        stale = next((file for file in others if file.exists()), None)  # like a flight of this plan
         with transaction():
             for mission, one in zip(self.missions, paths, strict=True):
                 write_mission(
@@ -227,23 +229,3 @@ def _points(regions: Regions) -> list[tuple[float, float]]:
     # The 12 digits that GeoJSON keeps, so that no format decides between orders of almost the same length.
     lon, lat = ([float(f"{x:.12g}") for x in regions.columns[name].tolist()] for name in ("lon", "lat"))
     return list(zip(lon, lat, strict=True))
-
-
-def _flight_paths(path: MissionPath, count: int) -> list[Path]:
-    """Return the file of each flight: the path itself for one.
-
-    >>> [path.name for path in _flight_paths("survey.plan", 2)]
-    ['survey-1.plan', 'survey-2.plan']
-    """
-    base = Path(path)
-    if count == 1:
-        return [base]
-    return [base.with_name(f"{base.stem}-{number}{base.suffix}") for number in range(1, count + 1)]
-
-
-def _stale_flight(path: MissionPath, count: int) -> Path | None:
-    """Return a file of another plan that looks like one more flight of this one."""
-    base = Path(path)
-    following = base.with_name(f"{base.stem}-{count + 1 if count > 1 else 1}{base.suffix}")
-    files = (following, base) if count > 1 else (following,)
-    return next((file for file in files if file.exists()), None)

@@ -125,7 +125,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     hints = []
     if result.color is None and not len(result.found.regions) and not result.found.below_minimum:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
-    if result.color is not None and not _parts(result.color):
+    if result.color is not None and result.color.separation < LEAST_PARTING:
         hints.append(_MIXED if not request.is_one else _HARDLY if request.by == "color" else _NEITHER)
     if result.found.below_minimum and not len(result.found.regions):
         hints.append(none_confident(result.found.below_minimum, request.min_confidence))
@@ -189,7 +189,7 @@ def _compared(
         raise ParameterError("there is no answer 3, because finer kinds find no less; leave the answer out")
     auto = request.by == "auto" and request.is_one and request.answer == 1
     window = fitting_window(places[0]) if auto else None
-    if window is not None and not _parts(similarity.table):
+    if window is not None and similarity.table.separation < LEAST_PARTING:
         search = search_with_bands()
         if window >= _LEAST_WINDOW or separability(search.scores.best.ravel()) >= _LEAST_SEPARABILITY:
             decided("color hardly parts the sample from the raster: texture is compared")
@@ -203,23 +203,13 @@ def _compared(
             decided("texture clearly parts what has the colors of the sample")
             found = regions_by_texture(search, passes[5:7], outlined.rings)
             return Match(found, similarity.table, search.how)
-    if request.answer == 2:
-        outlined = _touching(outlined, places)
+    if request.answer == 2:  # the regions with pixels of a sample
+        label, kept = Rasteriser(outlined.rings), np.zeros(len(outlined.sums.counts) + 1, bool)
+        for place in places:
+            kept[label(place.window)[place.mask]] = True
+        outlined = renumber_by_size(outlined.rings, outlined.sums, kept[outlined.rings.labels])
     found = regions_by_color(grey, similarity, outlined, request, passes[2])
     return Match(found, similarity.table, None, proposed)
-
-
-def _touching(outlined: RegionOutlines, places: Masks) -> RegionOutlines:
-    """Keep the regions with pixels of a sample."""
-    label, kept = Rasteriser(outlined.rings), np.zeros(len(outlined.sums.counts) + 1, bool)
-    for place in places:
-        kept[label(place.window)[place.mask]] = True
-    return renumber_by_size(outlined.rings, outlined.sums, kept[outlined.rings.labels])
-
-
-def _parts(table: SimilarityTable) -> bool:
-    """Return whether color parts the sample from the rest of the raster."""
-    return table.separation >= LEAST_PARTING
 
 
 def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any]:

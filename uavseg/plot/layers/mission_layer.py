@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
@@ -15,16 +15,13 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, PathError
-from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS, WAYPOINT, FenceCircle
-from uavseg.flight.mission.vehicle import default_vehicle
+from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS, WAYPOINT, Fence, FenceCircle
+from uavseg.flight.mission.mission import Mission
+from uavseg.flight.mission.track import Plane
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.plain_text import shown
 from uavseg.plot.page.page import Frame
-
-if TYPE_CHECKING:
-    from uavseg.flight.mission.items import Fence
-    from uavseg.flight.mission.mission import Mission
 
 FLIGHT_COLORS = ("#c4001a", "#1457c8", "#8a2be2", "#c25700", "#00796b", "#ad1457", "#5d4037", "#37474f")
 _HALO_COLOR = "#ffffff"
@@ -47,18 +44,18 @@ class MissionLayer:
     is_line: NDArray[np.bool_]  # (n - 1,): photographs are taken along the leg
     has_shot: NDArray[np.bool_]  # (n,): a single photograph is taken there
     returns: bool  # the last leg leads home
-    mission: "Mission"
+    mission: Mission
     name: str = ""  # for the legend; empty for a mission that is alone
     color: str = FLIGHT_COLORS[0]
 
     @classmethod
-    def of(cls, mission: "Mission", frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]) -> Self:
+    def of(cls, mission: Mission, frame: Frame, name: str = "", color: str = FLIGHT_COLORS[0]) -> Self:
         """Place a mission in a picture; parameters as of the class."""
         from uavseg.flight.mission.estimate import flown_path
 
         lat, lon, _ = mission.path
         numbers, returns = path_numbers(mission)
-        legs = flown_path(mission, mission.vehicle or default_vehicle(mission.autopilot))
+        legs = flown_path(mission)
         return cls(
             path=frame.plot_from_lonlat(lon, lat),
             numbers=numbers,
@@ -94,10 +91,9 @@ class MissionLayer:
                 ax.add_collection(line)
         heads = list(arrow_heads(self.path, _MIN_ARROW_LEG * point, 7.0 * point))
         ax.add_collection(PolyCollection(heads, fc=self.color, ec=_HALO_COLOR, lw=0.6, zorder=5.4))
-        self._draw_positions(ax)
-        self._draw_numbers(ax, point)
+        self._draw_positions(ax, point)
 
-    def _draw_positions(self, ax: Any) -> None:
+    def _draw_positions(self, ax: Any, point: float) -> None:
         waypoints, home = self.path[self.numbers > 0], self.path[0]
         small = {"s": 9 if len(waypoints) > _MAX_NUMBERS else 16, "edgecolor": self.color, "lw": 1.0}
         label = None if self.name else "waypoint"
@@ -109,22 +105,20 @@ class MissionLayer:
         ax.scatter(*self.path[:1].T, zorder=6, label=None if self.name else "home", **square)
         centred = {"ha": "center", "va": "center_baseline"}
         ax.text(*home, "H", color=_HALO_COLOR, size=7, weight="bold", zorder=6.1, **centred)
-
-    def _draw_numbers(self, ax: Any, point: float) -> None:
         halo = [withStroke(linewidth=2.0, foreground=_HALO_COLOR)]
         look = {"size": 6.5, "color": self.color, "weight": "bold", "zorder": 6.2, "clip_on": True}
         for n in choose_numbered(self.path, self.numbers, _MIN_NUMBER_DISTANCE * point):
             ax.text(*(self.path[n] + 4.5 * point), str(self.numbers[n]), **look).set_path_effects(halo)
 
 
-def path_numbers(mission: "Mission") -> tuple[NDArray[np.int64], bool]:
+def path_numbers(mission: Mission) -> tuple[NDArray[np.int64], bool]:
     """Return the number of each position of a path, 0 for home, takeoff and landing; and if it leads home."""
     commands = [item.command for item in mission.items if item.has_position or item.command == RETURN]
     counts = np.array([False] + [one not in {*TAKEOFFS, RETURN, *LANDINGS} for one in commands])
     return np.where(counts, np.cumsum(counts), 0), commands[-1:] == [RETURN]
 
 
-def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> list[MissionLayer]:
+def mission_layers(missions: Sequence[tuple[str, Mission]], frame: Frame) -> list[MissionLayer]:
     """Place missions with their names, each in another colour."""
     alone = len(missions) == 1
     return [
@@ -133,10 +127,9 @@ def mission_layers(missions: Sequence[tuple[str, "Mission"]], frame: Frame) -> l
     ]
 
 
-def read_missions(source: Any) -> list[tuple[str, "Mission"]]:
+def read_missions(source: Any) -> list[tuple[str, Mission]]:
     """Read missions with their names: of a mission or a sequence of them, missions or files."""
     from uavseg.flight.formats.files import read_mission
-    from uavseg.flight.mission.mission import Mission
 
     listed = source if isinstance(source, Sequence) and not isinstance(source, str) else [source]
     # A result of uavseg.plan has its missions in an attribute.
@@ -211,7 +204,7 @@ class FenceLayer:
     rally: Floats  # (n, 2)
 
     @classmethod
-    def of(cls, missions: Sequence["Mission"], frame: Frame) -> "FenceLayer":
+    def of(cls, missions: Sequence[Mission], frame: Frame) -> "FenceLayer":
         """Place the fences and rally points of missions."""
         shapes = dict.fromkeys(shape for mission in missions for shape in mission.fence)
         points = dict.fromkeys(point for mission in missions for point in mission.rally)
@@ -246,9 +239,7 @@ class FenceLayer:
             ax.scatter(*self.rally.T, zorder=5.9, label="rally point", **look)
 
 
-def _outlines(shapes: Iterable["Fence"], frame: Frame) -> Iterable[Floats]:
-    from uavseg.flight.mission.track import Plane
-
+def _outlines(shapes: Iterable[Fence], frame: Frame) -> Iterable[Floats]:
     angles = np.linspace(0, 2 * np.pi, _CIRCLE_CORNERS, endpoint=False)
     for shape in shapes:
         if isinstance(shape, FenceCircle):
@@ -269,7 +260,7 @@ class PathLayer:
     headings: tuple[float, ...] = ()  # of the views, in degrees, counterclockwise from the x axis
 
     @classmethod
-    def of(cls, source: "PlannedPath | str | os.PathLike[str]", frame: Frame) -> "PathLayer":
+    def of(cls, source: PlannedPath | str | os.PathLike[str], frame: Frame) -> "PathLayer":
         """Place a path of `uavseg.path`, a file of `uavseg path`, `next-view` or `explore`, or a mission."""
         if isinstance(source, PlannedPath):
             return cls((frame.plot_from_xy(source.xy),), source.length_m)

@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from uavseg.arrays import Integers
+from uavseg.arrays import Integers, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
@@ -37,7 +37,6 @@ _LEAF_SIDES = (64, 32, 16, 8)
 _SIDE_BAND = 2  # band of a block map that holds the side of each leaf
 _LEAF_COLOR = "#ffd43b"
 
-File = str | os.PathLike[str]
 AnyStretch = Stretch | StretchSpec | str
 Contours = tuple[NDArray[np.float64], ...]
 _MAX_OVERSAMPLING = 1.5  # pixels of a raster beside one of the picture; with more, four become one
@@ -129,7 +128,7 @@ class LabelsLayer:
     is_whole: bool  # each pixel was read; else small segments may be missing
 
     @classmethod
-    def of(cls, source: Dataset | File, frame: Frame, max_side: int) -> "LabelsLayer":
+    def of(cls, source: Dataset | Path_, frame: Frame, max_side: int) -> "LabelsLayer":
         """Read the labels of a file that `uavseg original` wrote, or another command with `--labels`.
 
         Two pixels of the picture show `max_side` rows and columns; half of them are read, since a line is a
@@ -202,7 +201,7 @@ class StatesLayer:
     plot_from_pixel: Affine
 
     @classmethod
-    def of(cls, source: Dataset | File, frame: Frame, max_side: int) -> "StatesLayer":
+    def of(cls, source: Dataset | Path_, frame: Frame, max_side: int) -> "StatesLayer":
         """Read the states of a file that `uavseg classify` wrote, a GeoTIFF or a ROS map, or of a dataset."""
         dataset = source if isinstance(source, Dataset) else _open_states(source)
         states, box = _read_band(dataset, frame, max_side)
@@ -231,7 +230,7 @@ class StatesLayer:
         ax.add_collection(LineCollection(contours, colors="white", lw=1.1, zorder=2.6))
 
 
-def _open_states(source: File) -> Dataset:
+def _open_states(source: Path_) -> Dataset:
     if not isinstance(source, str | os.PathLike):
         raise MapError(f"states to draw are a file or a Dataset, not {shown(source)}")
     if not is_ros_map(source):
@@ -250,7 +249,7 @@ class LeavesLayer:
     sides: NDArray[np.int64]  # 64, 32, 16 or 8 pixels
 
     @classmethod
-    def of(cls, source: File, frame: Frame, max_side: int) -> "LeavesLayer":
+    def of(cls, source: Path_, frame: Frame, max_side: int) -> "LeavesLayer":
         """Read the leaves of the block map that `uavseg divide` wrote for this raster."""
         box = frame.geobox
         cells = box.coarsen(CELL)
