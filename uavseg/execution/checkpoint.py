@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._version import __version__
+from uavseg.arrays import Path_
 from uavseg.errors import OutputError
 from uavseg.execution.executors import Item, Map, Progress, Result, lazy_selection
 from uavseg.output.atomic import atomic_file
@@ -131,7 +132,7 @@ OnResume = Callable[[str, int, int], object]
 """Called with the name of a stage, how many of its tiles are done already, and how many it has."""
 
 
-def with_checkpoint(map: Map, folder: str | os.PathLike[str], on_resume: OnResume | None = None) -> Map:
+def with_checkpoint(map: Map, folder: Path_, on_resume: OnResume | None = None) -> Map:
     """Return an executor that saves every result in a folder, and reads those that it holds already.
 
     The calling thread reads and writes the files; only missing results are computed by the other executor.

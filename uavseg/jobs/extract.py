@@ -4,7 +4,6 @@ With a folder as output, workers outline, join, measure and write the regions; t
 the borders of partitions.
 """
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,8 +13,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Path_, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.checkpoint import stage_folder
@@ -155,7 +154,7 @@ def _at_block_edges(source: Blocks, request: ExtractRequest) -> Extraction:
 
 def _outlined(
     grey: GreySource,
-    cells: NDArray[np.uint8],
+    cells: Uint8s,
     detected: DetectedRange,
     request: ExtractRequest,
     tile_pass: TilePass,
@@ -248,7 +247,7 @@ class Written:
 def extract_partitions(
     source: Source,
     request: ExtractRequest,
-    path: str | os.PathLike[str],
+    path: Path_,
     work: Work = SERIAL,
     overwrite: bool = False,
     side: int = PARTITION,

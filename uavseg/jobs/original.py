@@ -1,8 +1,6 @@
 """Segmentation by the original LBP/C, for comparison."""
 
-import numpy as np
-from numpy.typing import NDArray
-
+from uavseg.arrays import Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.jobs.result.result import SourceInfo
 from uavseg.jobs.source.open_source import pixels_of
@@ -16,7 +14,7 @@ from uavseg.segmentation.lbpc import LbpcParams, check_lbpc_size, segment_lbpc
 class OriginalSegments:
     """Labels of segments, (rows, cols)."""
 
-    labels: NDArray[np.uint32]
+    labels: Uint32s
     source: SourceInfo
     warnings: tuple[str, ...]
 

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
@@ -52,12 +53,12 @@ class Segmented:
     """Segments of several kinds."""
 
     outlined: RegionOutlines
-    kinds_at: Callable[[Firsts], NDArray[np.int64]]  # of first pixels (k, 2), also after renumbering
+    kinds_at: Callable[[Firsts], Integers]  # of first pixels (k, 2), also after renumbering
     info: SourceInfo
     partition: Partition
     refine: str  # "tv", "pixels", or "none" for segments at block edges
     notes: tuple[str, ...] = ()
-    count: Callable[[], NDArray[np.int64]] | None = None  # by value; not of a block map
+    count: Callable[[], Integers] | None = None  # by value; not of a block map
 
 
 def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
@@ -157,7 +158,7 @@ def _outlined(
     """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
     from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
 
-    kinds_at: Callable[[Firsts], NDArray[np.int64]]
+    kinds_at: Callable[[Firsts], Integers]
     how = request.segment.refine
     if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
@@ -169,7 +170,7 @@ def _outlined(
     trim_heap()
     outlined = results.filled(grey, outlined, request.fill_holes, tile_pass)
 
-    def count() -> NDArray[np.int64]:
+    def count() -> Integers:
         return count_pixels(grey, partition.grey_table, tile_pass.silent)
 
     return Segmented(outlined, kinds_at, SourceInfo.of(grey), partition, how, count=count)
@@ -185,7 +186,7 @@ def _at_block_edges(
     return Segmented(outlined, _of_cells(classes), SourceInfo.of(source), partition, "none", notes)
 
 
-def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], NDArray[np.int64]]:
+def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], Integers]:
     """Return the kinds of segments that end at cells, by their first pixels."""
     return lambda firsts: np.asarray(cells[tuple(firsts.T // CELL)], np.int64)
 

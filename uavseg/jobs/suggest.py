@@ -6,8 +6,8 @@ from dataclasses import field, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import phase
@@ -95,10 +95,10 @@ class Suggestions:
 
     ranges: tuple[Suggestion, ...]
     explained: float  # share of the variance of the leaves' means between the ranges, parts aside
-    histogram: NDArray[np.int64] = field(repr=False)  # (65536,): by the grey of leaves, or of pixels
+    histogram: Integers = field(repr=False)  # (65536,): by the grey of leaves, or of pixels
     # (8 B, 8 C): which of `by_intensity`, from 1, the leaf of each cell of 8 x 8 pixels lies in, or the cell
     # itself where that is a part; 0 where the leaf has no valid pixel
-    intervals: NDArray[np.uint8] = field(repr=False)
+    intervals: Uint8s = field(repr=False)
     blocks: BlockMap = field(repr=False)
     source: SourceInfo
     warnings: tuple[str, ...]
@@ -175,7 +175,7 @@ def _suggestions(
     source: SourceInfo,
     request: SuggestRequest,
     refined: bool,
-    greys: NDArray[np.int64] | None = None,
+    greys: Integers | None = None,
     populations: tuple[float, ...] = (),
 ) -> Suggestions:
     """Return the ranges with what they give at the edges of cells, which `refined` says will not be all."""

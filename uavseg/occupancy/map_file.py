@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s, Path_, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, OutputError, ParameterError
 from uavseg.occupancy.mapping.grid_io import LOG_ODDS
@@ -19,7 +19,6 @@ from uavseg.raster.formats.creation import DEFAULT, CreationOptions, creation_fo
 from uavseg.raster.formats.geotiff import LabelBand, write_geotiff, write_label_geotiff
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.raster.intensity.grey import Grey
 from uavseg.raster.intensity.stretch import Stretch, fit_stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import Valid, Values
@@ -33,7 +32,7 @@ FREE_UP_TO, OCCUPIED_FROM = 0.25, 0.65  # probabilities: the defaults of Nav2's 
 
 class _HasProbabilities(Protocol):
     @property
-    def probabilities(self) -> NDArray[np.float32]: ...
+    def probabilities(self) -> Float32s: ...
 
     @property
     def geobox(self) -> GeoBox: ...
@@ -46,7 +45,7 @@ class WritableMap:
 
     def write(
         self: _HasProbabilities,
-        path: str | os.PathLike[str],
+        path: Path_,
         overwrite: bool = False,
         creation_options: Mapping[str, Any] | Sequence[str] | None = None,
         mode: str | None = None,
@@ -73,9 +72,7 @@ class WritableMap:
         write_map(path, self.probabilities, self.geobox, overwrite, mode, creation=creation)
 
 
-def check_map_path(
-    path: str | os.PathLike[str], overwrite: bool = False, mode: str | None = None
-) -> list[str]:
+def check_map_path(path: Path_, overwrite: bool = False, mode: str | None = None) -> list[str]:
     """Check that a map may be written to a path, before the work; returns the files that it will have.
 
     `mode` is "trinary", "scale" or "raw", of a ROS map only.
@@ -93,8 +90,8 @@ def check_map_path(
 
 
 def write_map(
-    path: str | os.PathLike[str],
-    probabilities: NDArray[np.float32],
+    path: Path_,
+    probabilities: Float32s,
     geobox: GeoBox,
     overwrite: bool = False,
     mode: str | None = None,
@@ -117,7 +114,7 @@ def write_map(
         ros_map.write_ros_probabilities(path, probabilities, geobox, overwrite, mode)
 
 
-def trinary_states(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
+def trinary_states(probabilities: Float32s) -> Uint8s:
     """Threshold probabilities to states: 1 free, 2 unknown, 3 occupied.
 
     Examples
@@ -131,7 +128,7 @@ def trinary_states(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
     return states
 
 
-def shares_of(probabilities: NDArray[np.float32]) -> str:
+def shares_of(probabilities: Float32s) -> str:
     """Describe the shares of a map that are free, unknown and occupied."""
     states = trinary_states(probabilities)
     names = {FREE: "free", UNKNOWN: "unknown", OCCUPIED: "occupied"}
@@ -139,7 +136,7 @@ def shares_of(probabilities: NDArray[np.float32]) -> str:
 
 
 def write_states(
-    path: str | os.PathLike[str],
+    path: Path_,
     image: "StateImage",
     geobox: GeoBox,
     overwrite: bool = False,
@@ -168,7 +165,7 @@ class ProbabilityStretch(Stretch):
         """Return False: no value lies outside of its ends."""
         return False
 
-    def apply(self, values: Values, valid: Valid | None = None) -> Grey:
+    def apply(self, values: Values, valid: Valid | None = None) -> Uint16s:
         """Convert values to grey, 0 where invalid, as `Stretch.apply`; refuse a valid value outside 0..1."""
         outside = (values < 0) | (values > 1)
         if valid is not None:
@@ -181,7 +178,7 @@ class ProbabilityStretch(Stretch):
         return Stretch.apply(self, values, valid)
 
 
-def open_map(path: str | os.PathLike[str], nodata: float | str | None = None) -> tuple[Dataset, Stretch]:
+def open_map(path: Path_, nodata: float | str | None = None) -> tuple[Dataset, Stretch]:
     """Open a map of probabilities: a raster, or the YAML file of a ROS map.
 
     It is never stretched by its content: integers are divided by the largest number of their type, floats are
@@ -200,7 +197,7 @@ def open_map(path: str | os.PathLike[str], nodata: float | str | None = None) ->
     return dataset, stretch_of(dataset)
 
 
-def open_white_picture(path: str | os.PathLike[str]) -> tuple[Dataset, Stretch]:
+def open_white_picture(path: Path_) -> tuple[Dataset, Stretch]:
     """Open a picture of a map in which free is white, without its YAML file: p = (255 - x) / 255.
 
     205, which the map savers of ROS write for unknown, becomes exactly 0.5, and so do transparent pixels.

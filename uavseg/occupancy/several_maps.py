@@ -14,7 +14,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Float32s, Floats, Integers, Uint8s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError
 from uavseg.occupancy.map_file import FREE_UP_TO, OCCUPIED_FROM, trinary_states
@@ -32,7 +32,6 @@ _COARSE, _FINE = 4_000, 20_000  # points that a step looks at
 _MIN_COMMON = 0.2  # of the occupied cells of the smaller map, to tell anything
 _WHOLE, _PART = (3, 0.5), (8, 0.75)  # changed cells, and the share of them that is free
 _SQUARE = np.ones((3, 3), bool)
-Float32s = NDArray[np.float32]
 
 _CHUNK = 1 << 20  # cells that are resampled at once
 _ROUNDING = 1e-6  # of a cell: a smaller shift is a rounding error
@@ -108,7 +107,7 @@ def cropped(probabilities: Float32s, geobox: GeoBox) -> tuple[Float32s, GeoBox]:
     return inner, GeoBox(inner.shape, moved, geobox.crs)
 
 
-def _corners(geobox: GeoBox) -> NDArray[np.float64]:
+def _corners(geobox: GeoBox) -> Floats:
     placement(geobox)  # refuses cells that are not square or not in metres
     rows, cols = geobox.shape
     return np.column_stack(geobox.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols]))
@@ -127,9 +126,7 @@ def _resampled(one: PlacedMap, geobox: GeoBox) -> Float32s:
     return resampled
 
 
-def _cells_of(
-    inner: GeoBox, outer: GeoBox
-) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64], NDArray[np.bool_]]]:
+def _cells_of(inner: GeoBox, outer: GeoBox) -> Iterator[tuple[int, Integers, Integers, Bools]]:
     """Yield first rows of `inner`, rows and columns in `outer` of its centres there, and which these are."""
     transform = ~outer.transform * inner.transform
     count, width = inner.shape
@@ -260,9 +257,7 @@ def _share(one: Evidence, other: Evidence, motion: Affine, cell_m: float) -> flo
     return float(near.sum() / max(common.sum(), _MIN_COMMON * min(len(one.cells), len(other.cells))))
 
 
-def changed_objects(
-    one: Evidence, other: Evidence, motion: Affine, cell_m: float
-) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+def changed_objects(one: Evidence, other: Evidence, motion: Affine, cell_m: float) -> tuple[Uint32s, Uint8s]:
     """Find the objects of one map that another, to which `motion` leads, has not.
 
     Returns labels of the cells of the first, (rows, cols): objects 1..n in raster order, 0 elsewhere; and the

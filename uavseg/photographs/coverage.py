@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from uavseg.arrays import Bools, Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, PhotographError
 from uavseg.execution.executors import steps_done
@@ -23,7 +22,6 @@ from uavseg.photographs.ground import Ground
 from uavseg.photographs.photograph import Photograph
 from uavseg.raster.geodesy.globe import wrap_lon
 
-Objects = NDArray[np.object_]
 Overlaps = dict[str, dict[str, float] | None]
 """Median and least share of a footprint that the next one along a line, or the line beside, shows too."""
 

@@ -1,11 +1,10 @@
 """Moving pictures of a drive: the map as the robot knows it, its track and where it stands."""
 
-import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Path_, Uint8s
 from uavseg.occupancy.explore.drive import Drive
 from uavseg.occupancy.map_file import trinary_states
 from uavseg.occupancy.mapping.grid import OccupancyGrid
@@ -20,7 +19,7 @@ _MAX_FRAMES = 150
 _FRAME_MS, _LAST_MS = 80, 3000
 
 
-def write_animation(drive: Drive, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+def write_animation(drive: Drive, path: Path_, overwrite: bool = False) -> None:
     """Write a GIF of a drive, whose scans are taken again, as they were, to draw the map after each."""
     grid = OccupancyGrid(drive.grid.geobox)
     every = -(-len(drive.poses) // _MAX_FRAMES)
@@ -35,7 +34,7 @@ def write_animation(drive: Drive, path: str | os.PathLike[str], overwrite: bool 
         frames[0].save(temporary, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
-def _frame(states: NDArray[np.uint8], track: NDArray[np.float64]) -> Any:
+def _frame(states: Uint8s, track: Floats) -> Any:
     """Draw the map and the track so far, as a picture of Pillow with a palette."""
     from PIL import Image, ImageDraw
 

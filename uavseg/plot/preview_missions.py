@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats, Path_
+from uavseg.arrays import Bools, Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import decided, phase
@@ -37,7 +36,7 @@ class FlightProfile:
 
     along_m: Floats  # (n,): distance from home over ground
     height_m: Floats  # (n,)
-    is_line: NDArray[np.bool_]  # (n - 1,): photographs are taken on the leg
+    is_line: Bools  # (n - 1,): photographs are taken on the leg
     ground_along_m: Floats  # (k,): empty where the ground is not known
     ground_m: Floats  # (k,)
     lowest_m: float  # minimum height above the ground between takeoff and landing, or NaN
@@ -218,7 +217,7 @@ def _frame(missions: Sequence[Mission]) -> page.Frame:
     return page.Frame(azimuthal_geobox(plane.lat, plane.lon, (-side, -side, side, side)))
 
 
-def _view(points: NDArray[np.float64]) -> page.View:
+def _view(points: Floats) -> page.View:
     low, high = points.min(axis=0), points.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, _MIN_SIDE_M / 2)
     half = half + 0.06 * half.max()

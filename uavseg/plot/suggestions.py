@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 from affine import Affine
 from matplotlib.colors import to_rgba
-from numpy.typing import NDArray
 
-from uavseg.arrays import Path_
+from uavseg.arrays import Path_, Uint8s
 from uavseg.jobs.source.inputs import keep_inputs
 from uavseg.jobs.suggest import Suggestions
 from uavseg.plot.layers.raster_layers import draw_image, draw_raster
@@ -102,9 +101,7 @@ def _draw_map(
     page.draw_furniture(ax, frame, point)
 
 
-def upsample_cells(
-    cells: NDArray[np.uint8], frame: page.Frame, max_side: int
-) -> tuple[NDArray[np.uint8], Affine]:
+def upsample_cells(cells: Uint8s, frame: page.Frame, max_side: int) -> tuple[Uint8s, Affine]:
     """Upsample cells of 8 x 8 pixels to the extent of the raster (nearest neighbour).
 
     The picture has `max_side` rows and columns at most. The transform is from its pixel corners (col, row) to
@@ -121,7 +118,7 @@ def upsample_cells(
     return cells[np.ix_(row, col)], plot_from_pixel
 
 
-def _draw_ranges(ax: Any, intervals: NDArray[np.uint8], transform: Affine, colors: Sequence[str]) -> None:
+def _draw_ranges(ax: Any, intervals: Uint8s, transform: Affine, colors: Sequence[str]) -> None:
     """Draw each range in its colour, translucent over grey."""
     table = np.zeros((len(colors) + 1, 4), np.uint8)
     for k, color in enumerate(colors, start=1):

@@ -6,8 +6,8 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Map, Progress, serial
 from uavseg.raster.collar.find import without_collar
@@ -150,7 +150,7 @@ def summarize(
 
 def _count(
     dataset: Dataset, stretch: Stretch | StretchSpec | str, map: Map, progress: Progress | None
-) -> tuple[Stretch, NDArray[np.int64], int]:
+) -> tuple[Stretch, Integers, int]:
     """Return the stretch, the histogram of grey levels under it, and the sum of greys beyond it."""
     shape = dataset.geobox.shape
     windows = tiles(shape, tile_side(shape, dataset.file_block))
@@ -162,7 +162,7 @@ def _count(
     return fitted, greys, beyond
 
 
-def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple[NDArray[np.int64], int]:
+def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple[Integers, int]:
     values, valid = dataset.read(window)
     grey = stretch.apply(values, valid)
     beyond = greys_beyond(values, valid, grey, stretch)
@@ -171,13 +171,13 @@ def _grey_histogram(dataset: Dataset, stretch: Stretch, window: Window) -> tuple
     return np.bincount(shown, minlength=GREY_LEVELS), more
 
 
-def _binned(greys: NDArray[np.int64]) -> NDArray[np.int64]:
+def _binned(greys: Integers) -> Integers:
     """Return histogram in equal bins of v; v = 1 belongs to the last bin."""
     bins = np.minimum(np.arange(GREY_LEVELS) * HISTOGRAM_BINS // (GREY_LEVELS - 1), HISTOGRAM_BINS - 1)
     return np.bincount(bins, weights=greys, minlength=HISTOGRAM_BINS).astype(np.int64)
 
 
-def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
+def _moments(greys: Integers) -> tuple[float, float]:
     if not greys.any():
         return math.nan, math.nan
     v = np.arange(GREY_LEVELS) / (GREY_LEVELS - 1)
@@ -185,7 +185,7 @@ def _moments(greys: NDArray[np.int64]) -> tuple[float, float]:
     return mean, float(np.sqrt(np.average((v - mean) ** 2, weights=greys)))
 
 
-def _otsu_threshold(greys: NDArray[np.int64]) -> float:
+def _otsu_threshold(greys: Integers) -> float:
     """Return Otsu's threshold at a bin edge; the middle one of equally good edges between empty bins."""
     classes = multi_otsu(_binned(greys), 2)
     if len(classes) < 2:

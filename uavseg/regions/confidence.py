@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.regions.outline.rings import RegionOutlines, renumber_by_size
@@ -136,7 +136,7 @@ def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Statistics
 
 def keep_confident(
     outlined: RegionOutlines, confidence: Floats, minimum: float
-) -> tuple[RegionOutlines, NDArray[np.bool_]]:
+) -> tuple[RegionOutlines, Bools]:
     """Keep regions of a minimum confidence, in order, and number them 1..n; return which were kept, too."""
     kept = np.asarray(confidence >= minimum)
     rings = outlined.rings
@@ -184,7 +184,7 @@ class Confidence:
             return cls(np.full(len(outlined.sums.counts), np.nan), minimum)
         return cls(compute(), minimum)
 
-    def applied(self, outlined: RegionOutlines) -> tuple[RegionOutlines, NDArray[np.bool_]]:
+    def applied(self, outlined: RegionOutlines) -> tuple[RegionOutlines, Bools]:
         """Return the regions of at least the minimum, numbered anew, and which were kept.
 
         ParameterError is raised if their confidence is not known, and there is a minimum.

@@ -10,14 +10,12 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Integers
+from uavseg.arrays import Bools, Floats, Integers, Objects, Uint8s
 from uavseg.dataclass import dataclass
 
 if TYPE_CHECKING:
     from uavseg.regions.outline.rings import Rings
 
-
-Objects = NDArray[np.object_]
 
 BATCH_VERTICES = 1 << 18  # of the polygons that are built at a time
 _COUNTED, _VERTEX = 9, 16  # bytes of a geometry before its members (order, type, their number), of a vertex
@@ -182,13 +180,13 @@ class RaggedPolygons:
             geometries[multiple] = shapely.multipolygons(parts[np.repeat(multiple, counts)], indices=owners)
         return geometries
 
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Floats:
         """Return the least x and y and the greatest of regions, (n, 4); NaN for one without polygons."""
         found = np.empty((len(self.regions) - 1, 4))
         _bound(self.vertices, self.rings[self.polygons[self.regions]], found)
         return found
 
-    def to_wkb(self, headers: NDArray[np.uint8], promote: bool) -> list[memoryview]:
+    def to_wkb(self, headers: Uint8s, promote: bool) -> list[memoryview]:
         """Return the regions as Well-Known Binary, little-endian, each after its header.
 
         Without `promote` each is one Polygon, else each is a MultiPolygon. `headers` are (n, h) bytes.
@@ -205,7 +203,7 @@ class RaggedPolygons:
         view = data.data
         return [view[begin:end] for begin, end in pairwise([0, *ends.tolist()])]
 
-    def without(self, dropped: NDArray[np.bool_]) -> "RaggedPolygons":
+    def without(self, dropped: Bools) -> "RaggedPolygons":
         """Return the same regions, some of them without their polygons; `dropped` is an (n,) mask."""
         if not dropped.any():
             return self

@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers, Uint8s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks, window_blocks, window_cells
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums, required_ratios
@@ -103,7 +104,7 @@ class LeafQuery:
     division: DivisionParams
     cache: BlockCache = field(default_factory=BlockCache, repr=False, compare=False)
 
-    def required_ratios(self, sums: NDArray[np.uint32], counts: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    def required_ratios(self, sums: Uint32s, counts: Uint8s) -> Uint32s:
         """Return bit masks of the required ratios, see `block_map.required_ratios`."""
         return required_ratios(sums, counts, self.edges, self.division.step)
 
@@ -117,9 +118,7 @@ class _CacheBlocks:
     def fingerprint(self) -> tuple[()]:
         return ()  # cells do not depend on the query: a checkpoint of them serves every query
 
-    def put(
-        self, window: Window, tile: GreyTile, sums: NDArray[np.uint32], counts: NDArray[np.uint8]
-    ) -> None:
+    def put(self, window: Window, tile: GreyTile, sums: Uint32s, counts: Uint8s) -> None:
         if self.query is not None:
             self.query.cache.put(window, tile, _block_corners(self.query.required_ratios(sums, counts)))
 
@@ -153,7 +152,7 @@ def _window_of(source: GreySource, part: Part | None) -> Window:
     return part.window if part else Window(0, 0, *source.shape)
 
 
-def sum_contrasts(source: GreySource, windows: Sequence[Window]) -> NDArray[np.int64]:
+def sum_contrasts(source: GreySource, windows: Sequence[Window]) -> Integers:
     """Count the pixels of some windows by contrast, (65536,) int64; see `lbp.contrast_bin_edges`."""
     histogram = np.zeros(GREY_LEVELS, np.int64)
     for window in windows:
@@ -183,7 +182,7 @@ def with_majority_means(
 def fill_ratios(
     source: GreySource,
     measured: MeasuredCells,
-    required: NDArray[np.uint32],
+    required: Uint32s,
     tile_pass: TilePass,
     query: LeafQuery | None = None,
     part: Part | None = None,
@@ -201,22 +200,22 @@ def fill_ratios(
         measured.blocks.ratios[window_blocks(window.relative_to(whole))][bits > 0] = ratios
 
 
-def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> NDArray[np.uint8]:
+def cells_to_refine(blocks: BlockMap, interval: IntensityRange, params: SegmentParams) -> Uint8s:
     """Return the cells that are IN_RANGE by the mean of their leaf, (8 B, 8 C); all where no leaf decides."""
     if params.decides_pixels:
         return every_cell(blocks.shape)
     return cells_in_range(blocks, interval, params.division)
 
 
-def every_cell(shape: tuple[int, int]) -> NDArray[np.uint8]:
+def every_cell(shape: tuple[int, int]) -> Uint8s:
     """Return all cells of a raster of a shape as IN_RANGE: a read-only view of one value."""
     rows, cols = (whole_blocks(length) // CELL for length in shape)
     return np.broadcast_to(IN_RANGE, (rows, cols))
 
 
 def refine_tile(
-    source: GreySource, cells: NDArray[np.uint8], interval: IntensityRange, refine: Refinement, window: Window
-) -> tuple[NDArray[np.uint8], GreyTile] | None:
+    source: GreySource, cells: Uint8s, interval: IntensityRange, refine: Refinement, window: Window
+) -> tuple[Uint8s, GreyTile] | None:
     """Refine the regions of a tile to the pixel; None where no cell is in range, or no pixel is valid.
 
     `cells` are those of the window with a halo of REFINE_HALO, from `cells_to_refine`; 0 outside the raster,
@@ -244,8 +243,8 @@ def refine_tile(
 
 
 def refine_tile_classes(
-    source: GreySource, table: NDArray[np.uint8], refine: Refinement, window: Window
-) -> tuple[NDArray[np.uint8], GreyTile] | None:
+    source: GreySource, table: Uint8s, refine: Refinement, window: Window
+) -> tuple[Uint8s, GreyTile] | None:
     """Decide the classes of a tile's pixels by the (65536,) `table` of greys; None where no pixel is valid.
 
     The classes and the tile have the shape that those of `refine_tile` have; 0 is for no class. `refine` is
@@ -262,13 +261,13 @@ def refine_tile_classes(
 
 def _measure_tile(
     sources: Sequence[tuple[GreySource, _CacheBlocks]], window: Window
-) -> list[tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None]:
+) -> list[tuple[Uint32s, Uint8s, Integers] | None]:
     return [_measure_source(source, cache, window) for source, cache in sources]
 
 
 def _measure_source(
     source: GreySource, cache: _CacheBlocks, window: Window
-) -> tuple[NDArray[np.uint32], NDArray[np.uint8], NDArray[np.int64]] | None:
+) -> tuple[Uint32s, Uint8s, Integers] | None:
     if source.dataset.is_empty(window):
         return None
     tile = source.read(window, 1)
@@ -277,7 +276,7 @@ def _measure_source(
     return sums, counts, contrast_histogram(tile.grey, tile.mask)
 
 
-def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> NDArray[np.uint32]:
+def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> Uint32s:
     """Sum the cells of a tile as if all of their pixels were of the most frequent population."""
     tile = source.read(window, 0)
     _, total = cell_sums(tile.grey, tile.valid)
@@ -291,7 +290,7 @@ def _majority_sums(source: GreySource, greys: Sequence[int], window: Window) -> 
 
 def _divide_tile(
     source: GreySource, bin_edges: NDArray[np.int32], query: LeafQuery | None, job: _Job
-) -> NDArray[np.float64]:
+) -> Floats:
     window, bits = job
     corners = _block_corners(bits)
     cached = None if query is None else query.cache.take(window)
@@ -310,6 +309,6 @@ def _divide_tile(
     return selected_ratios(grey, valid, bin_edges, corners, bits[bits > 0], query.division.threshold)
 
 
-def _block_corners(bits: NDArray[np.uint32]) -> NDArray[np.int64]:
+def _block_corners(bits: Uint32s) -> Integers:
     """Return the first pixels of the blocks with any bit set, (k, 2)."""
     return np.stack(np.nonzero(bits), axis=1) * BLOCK

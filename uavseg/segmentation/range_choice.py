@@ -12,8 +12,8 @@ from decimal import Decimal
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.raster.intensity.thresholds import are_separated, least_cross_entropy, multi_otsu, select_classes
 from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, Counts, RangeBorder
@@ -48,7 +48,7 @@ class RangeCandidates:
     clear: bool  # valleys of the histogram separate all classes
 
 
-def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -> RangeCandidates:
+def propose_ranges(histogram: Integers, n_classes: int | None = None) -> RangeCandidates:
     """Split a histogram into the classes with the smallest variance within (multi-level Otsu).
 
     The histogram, (65536,), is of valid pixels by the mean grey of their leaf, not all 0. There are fewer
@@ -68,7 +68,7 @@ def propose_ranges(histogram: NDArray[np.int64], n_classes: int | None = None) -
     return RangeCandidates(_edges(histogram, gaps, width), are_separated(bins, classes))
 
 
-def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high: float = 1.0) -> float | None:
+def edge_near(histogram: Integers, grey: float, low: float = 0.0, high: float = 1.0) -> float | None:
     """Return a number of few digits near a grey that splits the range between two edges, or 0 and 1.
 
     There are means of the histogram, as of `propose_ranges`, between it and both edges; None where a
@@ -86,7 +86,7 @@ def edge_near(histogram: NDArray[np.int64], grey: float, low: float = 0.0, high:
     return _edge(below, below[first], gap, last, reach)
 
 
-def explained_variance(histogram: NDArray[np.int64], edges: Sequence[float]) -> float:
+def explained_variance(histogram: Integers, edges: Sequence[float]) -> float:
     """Compute the share of the variance of a histogram that lies between the ranges of some edges.
 
     Examples
@@ -125,7 +125,7 @@ def edge_beside_means(edge: float) -> float:
     return float(exact + Decimal(1).scaleb(-decimals))
 
 
-def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
+def _edges(histogram: Integers, gaps: Sequence[tuple[int, int]], width: int) -> tuple[float, ...]:
     """Choose a number of few digits in each gap between two greys, such that no range is empty."""
     below = np.concatenate([[0], np.cumsum(histogram)])
     ends = [gap[0] for gap in gaps[1:]] + [GREY_MAX] * bool(gaps)
@@ -136,7 +136,7 @@ def _edges(histogram: NDArray[np.int64], gaps: Sequence[tuple[int, int]], width:
     return tuple(edges)
 
 
-def _edge(below: NDArray[np.int64], under: int, gap: tuple[int, int], end: int, width: int) -> float:
+def _edge(below: Integers, under: int, gap: tuple[int, int], end: int, width: int) -> float:
     """Return the number with the fewest digits that lies in a gap, or within half a bin of its middle."""
     # There are pixels on both sides of it: more than `under` pixels below, and others up to the grey `end`.
     middle = sum(gap) / 2 / GREY_MAX
@@ -205,11 +205,11 @@ class RangeChoice:
 
 
 def choose_ranges(
-    histogram: NDArray[np.int64],
+    histogram: Integers,
     pairs: CellPairs | None,
     n_classes: int | None = None,
     refined: bool = True,
-    greys: NDArray[np.int64] | None = None,
+    greys: Integers | None = None,
     populations: Sequence[float] = (),
 ) -> RangeChoice:
     """Choose the ranges of a raster.
@@ -258,7 +258,7 @@ def _is_new(edge: float, populations: Sequence[float], pairs: CellPairs | None) 
     return bool(filled and pairs.within(begin, end).border(begin, place).contrast >= MIN_CONTRAST)
 
 
-def _minimum_entropy_edge(histogram: NDArray[np.int64], pairs: CellPairs | None) -> tuple[float, ...]:
+def _minimum_entropy_edge(histogram: Integers, pairs: CellPairs | None) -> tuple[float, ...]:
     if pairs is None or np.count_nonzero(pairs.cells) < 2:
         return ()
     end, start = least_cross_entropy(pairs.cells)

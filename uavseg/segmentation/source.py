@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.arrays import Integers
+from uavseg.arrays import Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, spread_windows, whole_blocks
 from uavseg.raster.intensity.stretch import Stretch, greys_beyond
@@ -23,14 +23,14 @@ from uavseg.units import BLOCK, CELL, GREY_MAX
 class GreyTile:
     """Grey of a window, M x N in whole blocks, with a margin m; pixels outside the raster are invalid."""
 
-    grey: NDArray[np.uint16]  # (M + 2 m, N + 2 m): 0 where invalid
-    valid: NDArray[np.uint8]  # (M + 2 m, N + 2 m): 1 where a pixel is valid
+    grey: Uint16s  # (M + 2 m, N + 2 m): 0 where invalid
+    valid: Uint8s  # (M + 2 m, N + 2 m): 1 where a pixel is valid
     all_valid: bool  # whether every pixel of the array is valid
     excess: NDArray[np.int32] | None = None  # (M + 2 m, N + 2 m): `greys_beyond`, if any and requested
     large_step: int = GREY_MAX  # as of the source
 
     @property
-    def mask(self) -> NDArray[np.uint8] | None:
+    def mask(self) -> Uint8s | None:
         """`valid`, or None where every pixel is valid."""
         return None if self.all_valid else self.valid
 
@@ -129,7 +129,7 @@ class BlockCache:
         """Return nothing: no result depends on the cache."""
         return ()
 
-    def put(self, window: Window, tile: GreyTile, corners: NDArray[np.int64]) -> None:
+    def put(self, window: Window, tile: GreyTile, corners: Integers) -> None:
         """Cache the blocks of a tile that begin at `corners`, if there is room for them.
 
         The tile has a margin of one pixel. The corners, (k, 2), are the row and column of each block's first
@@ -148,7 +148,7 @@ class BlockCache:
         return self._tiles.pop(window, None)
 
 
-def _crop_blocks(image: NDArray[Any], corners: NDArray[np.int64]) -> NDArray[Any]:
+def _crop_blocks(image: NDArray[Any], corners: Integers) -> NDArray[Any]:
     """Stack the blocks that begin at `corners` of an array with a border of one pixel vertically."""
     blocks = np.empty((len(corners), CACHED_SIDE, CACHED_SIDE), image.dtype)
     for block, (row, col) in zip(blocks, corners, strict=True):
@@ -181,7 +181,7 @@ def with_statistics(source: GreySource, tile_pass: TilePass) -> GreySource:
     return replace(source, statistics=found, large_step=int(np.quantile(steps, 0.9, method="lower")))
 
 
-def _statistics(source: GreySource, window: Window) -> tuple[NDArray[np.uint16], NDArray[np.uint16]]:
+def _statistics(source: GreySource, window: Window) -> tuple[Uint16s, Uint16s]:
     """Return the absolute differences of adjacent valid pixels of a window, and the grey of valid pixels."""
     tile = source.read(window, 0)
     grey, valid = tile.grey.astype(np.int32), tile.valid != 0
@@ -219,7 +219,7 @@ def _tile_sums(source: GreySource, step: int, window: Window) -> tuple[Integers,
     return tuple(_by_squares(array[: cells[0], : cells[1]], step, window) for array in (sums, counts))  # type: ignore[return-value]
 
 
-def _by_squares(cells: NDArray[np.uint32] | NDArray[np.uint8], step: int, window: Window) -> Integers:
+def _by_squares(cells: Uint32s | Uint8s, step: int, window: Window) -> Integers:
     """Add up the cells of a window by the squares in which they lie."""
     total = cells.astype(np.int64)
     for axis, first in enumerate((window.row, window.col)):

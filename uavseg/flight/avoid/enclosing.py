@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers, Objects
 from uavseg.execution.executors import steps_done
 
 MANY_CORNERS = 2000
@@ -44,10 +44,10 @@ def enclosing(area: Any, reach_m: float) -> Any:
     return shapely.union_all(around)
 
 
-def _grown(parts: NDArray[np.object_], reach_m: float, preserve_topology: bool) -> NDArray[np.object_]:
+def _grown(parts: Objects, reach_m: float, preserve_topology: bool) -> Objects:
     moved = SIMPLIFIED * reach_m
     simple = shapely.simplify(parts, moved, preserve_topology=preserve_topology)
-    grown: NDArray[np.object_] = shapely.buffer(simple, reach_m - 2 * moved, quad_segs=_QUARTER)
+    grown: Objects = shapely.buffer(simple, reach_m - 2 * moved, quad_segs=_QUARTER)
     return grown
 
 
@@ -62,14 +62,14 @@ def without_small_holes(area: Any, min_m2: float) -> Any:
     return shapely.union_all([filled(part) for part in shapely.get_parts(area)])
 
 
-def filled_parts(areas: Any) -> NDArray[np.object_]:
+def filled_parts(areas: Any) -> Objects:
     """Return the polygons of areas without their holes."""
     rings = shapely.get_exterior_ring(shapely.get_parts(areas))
-    filled: NDArray[np.object_] = shapely.polygons(rings[~shapely.is_missing(rings)])
+    filled: Objects = shapely.polygons(rings[~shapely.is_missing(rings)])
     return filled
 
 
-def neighbour_groups(areas: NDArray[np.object_], bounds: NDArray[np.float64]) -> list[NDArray[np.int64]]:
+def neighbour_groups(areas: Objects, bounds: Floats) -> list[Integers]:
     """Return the indices of areas in groups of neighbours with about `GROUP_CORNERS` corners, by strips.
 
     `bounds` (n, 4) are the bounding boxes of the areas in metres.

@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 
@@ -37,7 +36,7 @@ class Edges:
         boxes = [[*ring.min(axis=0), *ring.max(axis=0)] for ring in rings]
         self._boxes = np.array(boxes, np.float64).reshape(-1, 4)
 
-    def crossed(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+    def crossed(self, starts: Floats, ends: Floats) -> Bools:
         """Return whether the legs between starts and ends, (n, 2) each, cross or touch an edge."""
         crossed = np.zeros(len(starts), np.bool_)
         if len(self._edges):
@@ -150,17 +149,17 @@ class FreeSpace:
     inside: Any = None  # shapely, in metres; by default the whole plane
     obstacles: Sequence[Any] = ()  # shapely Polygons in metres; their edges are free
 
-    def is_free(self, points: Floats) -> NDArray[np.bool_]:
+    def is_free(self, points: Floats) -> Bools:
         """Return whether points (n, 2) lie in free space or on its edge."""
         places = shapely.points(points)
-        free: NDArray[np.bool_] = ~shapely.intersects(self._closed, places)
+        free: Bools = ~shapely.intersects(self._closed, places)
         if self._open is not None:
             free &= shapely.covers(self._open, places)
         return free
 
-    def sees(self, starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+    def sees(self, starts: Floats, ends: Floats) -> Bools:
         """Return whether the straight legs between starts and ends, (n, 2) each, stay in free space."""
-        free: NDArray[np.bool_] = self.is_free(starts) & self.is_free(ends)
+        free: Bools = self.is_free(starts) & self.is_free(ends)
         return free & ~self._edges.crossed(starts, ends)
 
     def path(self, start: Sequence[float], end: Sequence[float]) -> Floats:
@@ -225,7 +224,7 @@ class FreeSpace:
         """Shortest paths between corners."""
         return shortest_paths(self._among(self.corners, np.ones(len(self.corners), bool)))
 
-    def _among(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
+    def _among(self, points: Floats, free: Bools) -> Floats:
         """Return the lengths of the straight legs between points; infinite where they are not free."""
         lengths = np.full((len(points), len(points)), np.inf)
         inside = np.flatnonzero(free)
@@ -239,7 +238,7 @@ class FreeSpace:
         np.fill_diagonal(lengths, 0)
         return lengths
 
-    def _to_corners(self, points: Floats, free: NDArray[np.bool_]) -> Floats:
+    def _to_corners(self, points: Floats, free: Bools) -> Floats:
         """Return the lengths (n, c) of straight legs from points to corners; infinite where not free."""
         here, there = (side.ravel() for side in np.indices((len(points), len(self.corners))))
         here, there = here[free[here]], there[free[here]]

@@ -7,15 +7,14 @@ photograph, H f / H) and 18 (project planning: end lap and side lap).
 
 import csv
 import math
-import os
 from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.inputs import number_in, read_object, text_in
@@ -115,7 +114,7 @@ class Camera:
         corners = self.footprint_corners_m(height_m, pitch_deg)
         return float(corners[0, 1]), float(corners[2, 1])
 
-    def footprint_corners_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> NDArray[np.float64]:
+    def footprint_corners_m(self, height_m: float, pitch_deg: float = NADIR_DEG) -> Floats:
         """Return the corners of the footprint on flat ground: near left, near right, far right, far left.
 
         They are (4, 2), metres to the right of the camera and ahead of it. A ParameterError says that the
@@ -192,7 +191,7 @@ def find_cameras(text: str) -> list[Camera]:
     return [camera for camera in cameras() if all(word in _plain(camera.name) for word in words)]
 
 
-def camera_named(name: str | os.PathLike[str] | Camera) -> Camera:
+def camera_named(name: Path_ | Camera) -> Camera:
     """Return a camera by its name in the catalogue, or from a JSON file; a camera as it is.
 
     `name` is a name in any case, a part of one that only one camera has, or a file that ends in .json. A
@@ -219,7 +218,7 @@ def camera_named(name: str | os.PathLike[str] | Camera) -> Camera:
     raise ParameterError(f"there is no camera called {name}; {hint}")
 
 
-def read_camera(path: str | os.PathLike[str]) -> Camera:
+def read_camera(path: Path_) -> Camera:
     """Read a camera from a JSON file.
 
     An object with ``sensor_width_mm, sensor_height_mm, image_width_px, image_height_px, focal_mm`` and, if

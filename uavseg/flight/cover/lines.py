@@ -17,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
@@ -77,7 +77,7 @@ def grid_lines(
     return _chains(lines, row[first], *(_touched(parts, edges[row + k], first) for k in (0, 1)))
 
 
-def _touched(parts: NDArray[np.object_], height: Floats, first: Integers) -> Floats:
+def _touched(parts: Objects, height: Floats, first: Integers) -> Floats:
     """Return the extents (n, 2) along x of groups of parts where they touch a line along x; NaN where not."""
     xy, owner = shapely.get_coordinates(parts, return_index=True)
     near = np.abs(xy[:, 1] - height[owner]) < NEAR_EDGE_M
@@ -129,9 +129,7 @@ def strip_lines(cell: Any, spacing_m: float, reach_m: float = 0.0, min_m: float 
     return _lines_in_strips(_strips_between(cell, edges), (edges[1:] + edges[:-1]) / 2, reach_m, min_m)
 
 
-def _lines_in_strips(
-    pieces: NDArray[np.object_], y: Floats, reach_m: float, min_m: float = MIN_LINE_M
-) -> Floats:
+def _lines_in_strips(pieces: Objects, y: Floats, reach_m: float, min_m: float = MIN_LINE_M) -> Floats:
     """Return the lines along x at heights that cover pieces of strips: (n, 2, 2), west end and east end."""
     # They are no shorter than `min_m` where the strip is as long, but 5 m where one photograph shows all.
     low, _, high, _ = shapely.bounds(pieces).T
@@ -163,7 +161,7 @@ def _line_count(width_m: float, spacing_m: float, slack: float = WIDTH_SLACK) ->
     return count
 
 
-def _strips_between(cell: Any, edges: Floats) -> NDArray[np.object_]:
+def _strips_between(cell: Any, edges: Floats) -> Objects:
     """Return the parts of a cell between lines along x."""
     # GEOS clips to rectangles fast, but does not promise that all is well where corners lie on their edges.
     west, south, east, north = shapely.bounds(cell)
@@ -178,9 +176,7 @@ def _strips_between(cell: Any, edges: Floats) -> NDArray[np.object_]:
             return parts
     except shapely.GEOSException:  # of parts without area
         pass
-    exact: NDArray[np.object_] = shapely.intersection(
-        cell, shapely.box(west - 1, bounds[:-1], east + 1, bounds[1:])
-    )
+    exact: Objects = shapely.intersection(cell, shapely.box(west - 1, bounds[:-1], east + 1, bounds[1:]))
     return exact
 
 

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
@@ -334,7 +333,7 @@ def _grid(
     """Return the lines of one azimuth, in one grid; `start` is that of `grid_lines`."""
     turn, spacing = axes(angle_deg), params.spacing_m
 
-    def joins(starts: Floats, ends: Floats) -> NDArray[np.bool_]:
+    def joins(starts: Floats, ends: Floats) -> Bools:
         return (ends[:, 0] - starts[:, 0] <= GAP * spacing) & space.sees(starts @ turn.T, ends @ turn.T)
 
     cells = grid_lines(_turned(region, turn), spacing, (params.reach_m, params.min_m), joins, start)

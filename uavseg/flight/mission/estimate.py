@@ -9,7 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import Photos
@@ -34,12 +34,12 @@ class FlownPath:
     part: NDArray[np.str_]  # (n - 1,), "climb", "flight" or "return"
     hold_s: Floats  # (n,), wait at each position
     rise_m: Floats  # (n,), height of the ground there above home; 0 where not known
-    photographs: NDArray[np.int64]  # (n - 1,), on each leg; those taken while waiting count on the leg before
+    photographs: Integers  # (n - 1,), on each leg; those taken while waiting count on the leg before
     shots: tuple["ShotRun", ...]
     return_hold_s: float
     landing_s: float
-    is_line: NDArray[np.bool_]  # (n - 1,), whether photographs are taken along the leg, by distance or time
-    has_shot: NDArray[np.bool_]  # (n,), whether a single photograph is taken
+    is_line: Bools  # (n - 1,), whether photographs are taken along the leg, by distance or time
+    has_shot: Bools  # (n,), whether a single photograph is taken
     pitch_deg: Floats  # (n - 1,), gimbal pitch on each leg; NaN where no item has set it
 
     @property

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from uavseg.arrays import Bools, Floats
+from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.flight.camera.camera import Photos
 from uavseg.raster.geodesy.globe import wrap_lon
@@ -39,7 +38,7 @@ class Plane:
         lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
         return lon, lat
 
-    def project_polygons(self, polygons: Sequence[Any] | NDArray[np.object_]) -> NDArray[np.object_]:
+    def project_polygons(self, polygons: Sequence[Any] | Objects) -> Objects:
         """Densify polygons in degrees (lon, lat) and project them to metres, all at once.
 
         They are densified ring by ring: what GEOS densifies whole it also makes valid, and a hole that
@@ -65,7 +64,7 @@ class Plane:
         return drawn
 
 
-def plane_around(bounds: NDArray[np.float64], lon: float) -> Plane:
+def plane_around(bounds: Floats, lon: float) -> Plane:
     """Return the plane around the middle of bounding boxes.
 
     `bounds` (N, 4) are west, south, east, north in degrees. Longitudes are relative to `lon`, so boxes on
@@ -212,7 +211,7 @@ _FIELDS = tuple(field.name for field in fields(Track))
 OF_LEGS = ("trigger_m", "is_line", "look_at", "pitch_deg")
 
 
-def _merged(arrays: dict[str, Any], place: NDArray[np.int64]) -> dict[str, Any]:
+def _merged(arrays: dict[str, Any], place: Integers) -> dict[str, Any]:
     """Return arrays of a track with one corner for each place: its first one, with all holds and shots."""
     first = np.flatnonzero(np.diff(place, prepend=-1))
     corners = {name: array[first] for name, array in arrays.items() if name not in OF_LEGS}

@@ -18,14 +18,13 @@ The defaults, in vehicles.json, are those of the autopilots' own parameters, whi
 
 import json
 import math
-import os
 from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
 
 import numpy as np
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.inputs import number_in, read_object, text_in
@@ -123,7 +122,7 @@ def returning_vehicles(vehicle: Vehicle | None, autopilot: str) -> tuple[Vehicle
     return (ARDUCOPTER, PX4) if autopilot == "generic" else (default_vehicle(autopilot),)
 
 
-def read_vehicle(path: str | os.PathLike[str], autopilot: str = "ardupilot") -> Vehicle:
+def read_vehicle(path: Path_, autopilot: str = "ardupilot") -> Vehicle:
     """Read a vehicle from a JSON file: an object with parameters of `Vehicle`.
 
     The default vehicle of `autopilot` has the parameters that are not in the file. A ParameterError says that

@@ -5,8 +5,8 @@ IMAGE_START_CAPTURE (2000), which it and PX4 take.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
@@ -16,9 +16,7 @@ from uavseg.flight.terrain.follow import WaypointHeights, constant_height
 from uavseg.flight.terrain.leg_speeds import speeds_of
 
 
-def fly_along(
-    lon: NDArray[np.float64], lat: NDArray[np.float64], params: PlanParams, home: tuple[float, ...]
-) -> Mission:
+def fly_along(lon: Floats, lat: Floats, params: PlanParams, home: tuple[float, ...]) -> Mission:
     """Return the mission that flies along a line.
 
     `lon` and `lat` (n,) are degrees, WGS 84, with a waypoint for each; `home` may have a third number, metres

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Objects
 from uavseg.errors import MissionError
 from uavseg.flight.cover.survey import Survey
 from uavseg.flight.mission import items
@@ -189,7 +188,7 @@ def check_regions(count: int, params: PlanParams) -> None:
         check_order(count)
 
 
-def _reach_m(regions: NDArray[np.object_], params: PlanParams) -> float:
+def _reach_m(regions: Objects, params: PlanParams) -> float:
     """Return an upper bound of the distance of a flight from its regions, with the margin of zones."""
     west, south, east, north = shapely.bounds(regions).T
     around = float(np.hypot(east - west, north - south).max()) + params.speed_m_s**2  # circles, and turns

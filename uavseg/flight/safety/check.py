@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
@@ -318,7 +317,7 @@ class SafetyCheck:
 
 
 def _greatest_above(
-    values: Sequence[float] | NDArray[np.float64], limit: float, name: Name
+    values: Sequence[float] | Floats, limit: float, name: Name
 ) -> Iterator[tuple[str, float]]:
     """Yield the name and value of the greatest value, if it is above a limit."""
     if len(values) and values[k := int(np.argmax(values))] > limit:

@@ -178,7 +178,7 @@ def _findings(found: Coverage) -> Iterator[str]:
         yield f"{names}: blurred by motion, over more than {BLUR_PX:g} pixel"
 
 
-def check(source: str | os.PathLike[str] | Mission, request: CheckRequest) -> MissionCheck:
+def check(source: Path_ | Mission, request: CheckRequest) -> MissionCheck:
     """Read a mission back, and say what it is and who would refuse it.
 
     A MissionError says that the file cannot be read, or holds a mission that would not be safe: which item,

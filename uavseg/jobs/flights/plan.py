@@ -1,6 +1,5 @@
 """Planning of a mission over regions: which of them, from where, and how to fly; files of several flights."""
 
-import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import field, replace
@@ -9,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
@@ -93,7 +93,7 @@ class MissionPlan:
 
     def write(
         self,
-        path: str | os.PathLike[str],
+        path: Path_,
         overwrite: bool = False,
         *,
         editable: bool = False,

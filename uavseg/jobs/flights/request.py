@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from uavseg.arrays import GeoDataFrame
+from uavseg.arrays import GeoDataFrame, Path_
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import phase
 from uavseg.flight.camera.camera import SHUTTER_S, Camera, Overlap, Photos, camera_named
@@ -255,9 +255,7 @@ def _names(given: Any) -> Any:
 
 
 def open_regions(
-    source: "str | os.PathLike[str] | bytes | GeoDataFrame | Regions",
-    layer: str | None = None,
-    widths: Widths | None = None,
+    source: "Path_ | bytes | GeoDataFrame | Regions", layer: str | None = None, widths: Widths | None = None
 ) -> Regions:
     """Return regions in degrees from a file (a layer of it), the content of one, a frame or another job.
 

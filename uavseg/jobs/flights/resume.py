@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
+from uavseg.arrays import Path_
 from uavseg.errors import MissionError, ParameterError
 from uavseg.execution.executors import decided, phase
 from uavseg.flight.formats.files import read_mission
@@ -31,9 +32,7 @@ _WHOLE = 1 - 1e-5  # of a leg, at its end
 CHECK = SafetyCheck(SafetyParams(max_altitude_m=MAX_HEIGHT_M))  # of the fence
 
 
-def resume(
-    source: str | os.PathLike[str] | Mission, start: str | os.PathLike[str] | float | Sequence[float]
-) -> MissionPlan:
+def resume(source: Path_ | Mission, start: Path_ | float | Sequence[float]) -> MissionPlan:
     """Return the rest of a mission whose flight ended at `start`: an item, a place in degrees, or a log.
 
     Its notes say where the flight goes on. A MissionError says that mission or log cannot be read, the cut is

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools
 from uavseg.errors import RegionError
 from uavseg.flight.safety.keep_out import IsGround
 from uavseg.jobs.source.source import Blocks, Pixels, Source
@@ -55,7 +55,7 @@ def without_edge_regions(
     ]
 
 
-def touches_edge(polygons: Any, geobox: GeoBox) -> NDArray[np.bool_]:
+def touches_edge(polygons: Any, geobox: GeoBox) -> Bools:
     """Return which polygons, in degrees (lon, lat; WGS 84), come nearer than a pixel to the edge of a raster.
 
     They do from either side. Edges of valid pixels inside of a raster do not count. The raster has a CRS.

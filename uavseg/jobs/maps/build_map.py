@@ -1,11 +1,8 @@
 """Mapping jobs: a map from the scans of a recorded bag at the poses of the robot, or of a simulated scene."""
 
-import os
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from uavseg.arrays import Float32s, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SceneError
 from uavseg.execution.executors import decided, phase
@@ -31,7 +28,7 @@ class BuiltMap(WritableMap):
     warnings: tuple[str, ...]
 
     @property
-    def probabilities(self) -> NDArray[np.float32]:
+    def probabilities(self) -> Float32s:
         """Return the probabilities of the cells, (rows, cols)."""
         return self.grid.probabilities
 
@@ -60,7 +57,7 @@ def merge_params(options: BuildMapOptions) -> MergeParams:
     )
 
 
-def build_map(bag: str | os.PathLike[str], topics: BagTopics, params: MergeParams) -> BuiltMap:
+def build_map(bag: Path_, topics: BagTopics, params: MergeParams) -> BuiltMap:
     """Merge the scans of a recorded bag into a map; see `merge_bag`."""
     decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
     with phase("scans"):

@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.arrays import GeoDataFrame
+from uavseg.arrays import Floats, GeoDataFrame, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import LostObstaclesError, MapError, ParameterError
 from uavseg.execution.executors import decided, phase, trim_heap
@@ -98,7 +97,7 @@ class Classification:
     warnings: tuple[str, ...]
 
     @property
-    def states(self) -> NDArray[np.uint8]:
+    def states(self) -> Uint8s:
         """Return the state of each cell: 1 free, 2 unknown, 3 occupied, 0 no data; (rows, cols) uint8."""
         return self.image.read()
 
@@ -192,7 +191,7 @@ def _warnings(name: str, states: ClassifiedStates, request: ClassifyRequest) -> 
     return warnings
 
 
-def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, NDArray[np.float64]]:
+def _bounds(rings: Rings, geobox: GeoBox) -> dict[str, Floats]:
     starts = rings.starts[np.flatnonzero(np.diff(rings.labels, prepend=0))]  # of the first ring of each
     xy = np.asarray(geobox.xy_from_pixel(rings.vertices[:, 0], rings.vertices[:, 1]), np.float64)
     return {

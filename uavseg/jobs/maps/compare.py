@@ -18,7 +18,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg._version import __version__
-from uavseg.arrays import GeoDataFrame, Integers
+from uavseg.arrays import GeoDataFrame, Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.execution.executors import phase, split_progress
@@ -281,7 +281,7 @@ def _counted(tiles: Iterator[tuple[ClassOutlines, Integers]], counts: Integers) 
         yield outlines
 
 
-def _classes_at(side: Side, geobox: GeoBox, window: Window, invalid: int) -> NDArray[np.uint8]:
+def _classes_at(side: Side, geobox: GeoBox, window: Window, invalid: int) -> Uint8s:
     """Return the class of a raster at the centres of the pixels of a window of the grid of comparison."""
     dataset, labels, of_label = side
     (rows, cols), shape = _places(geobox, dataset.geobox, window), dataset.geobox.shape

@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.execution.executors import decided, phase
@@ -54,7 +54,7 @@ class Explored:
     """A drive through a scene."""
 
     drive: Drive
-    knowable: NDArray[np.bool_]  # (rows, cols); cells that some place sees which the robot could reach
+    knowable: Bools  # (rows, cols); cells that some place sees which the robot could reach
     warnings: tuple[str, ...]
 
     def to_geojson(self) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.jobs.source.open_source import map_of, open_probability_map
@@ -32,7 +33,7 @@ class FilterMask:
     regions: int
     warnings: tuple[str, ...]
 
-    def write(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    def write(self, path: Path_, overwrite: bool = False) -> None:
         """Write NAME.yaml and NAME.pgm for Nav2's map server, and NAME.params.yaml for its filter.
 
         An OutputExistsError says that a file is there and `overwrite` is false, an OutputError that one
@@ -51,7 +52,7 @@ class FilterMask:
             part.write_text(text, encoding="utf-8")
 
 
-def check_mask_path(path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool) -> list[str]:
+def check_mask_path(path: Path_, geobox: GeoBox, overwrite: bool) -> list[str]:
     """Check that a mask may be written, before the work; returns its files. Errors are those of `write`."""
     if not is_ros_map(path):
         raise ParameterError(f"{os.fspath(path)}: a mask is a ROS map; name a .yaml")
@@ -85,5 +86,5 @@ def mask(regions: Any, map_: Any, speed: int | None = None, layer: str | None = 
     return FilterMask(values, geobox, speed, len(polygons), tuple(notes))
 
 
-def _params_path(path: str | os.PathLike[str]) -> Path:
+def _params_path(path: Path_) -> Path:
     return Path(path).with_suffix(".params.yaml")

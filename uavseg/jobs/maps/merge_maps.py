@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import decided, phase
@@ -38,7 +38,7 @@ class MergeRequest:
 class MergedMap(WritableMap):
     """A map merged from others."""
 
-    probabilities: NDArray[np.float32]  # (rows, cols): exactly 0.5 where unknown
+    probabilities: Float32s  # (rows, cols): exactly 0.5 where unknown
     geobox: GeoBox
     disputed: int  # cells that are free in one map and occupied in another, and hence occupied
     warnings: tuple[str, ...]

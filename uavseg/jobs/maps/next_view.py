@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError
 from uavseg.execution.executors import phase
@@ -150,7 +150,7 @@ def _ranked(
     planner: ViewPlanner,
     tour: Tour,
     states: States,
-    probabilities: NDArray[np.float32],
+    probabilities: Float32s,
     at: Cell,
     request: ViewRequest,
     geobox: GeoBox,

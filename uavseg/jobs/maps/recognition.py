@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from uavseg.arrays import GeoDataFrame, Integers
+from uavseg.arrays import GeoDataFrame, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RegionError
 from uavseg.execution.executors import phase, steps_done
@@ -29,7 +29,6 @@ from uavseg.regions.formats.read import read_regions, regions_of_frame
 from uavseg.regions.recognise import fit
 from uavseg.regions.recognise.measures import local_metres, pixel_measures, shape_measures
 from uavseg.regions.sample.place import bounding_cells, to_pixels
-from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions, plain_columns
 from uavseg.segmentation.blocks.g_statistic import g_statistic
 from uavseg.segmentation.source import GreySource

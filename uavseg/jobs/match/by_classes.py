@@ -9,8 +9,8 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SampleError
 from uavseg.execution.executors import decided, phase
@@ -133,9 +133,7 @@ def outlines_by_classes(
         return outline_likely_classes(grey, likenesses, cells, params.refine, passes[1], detail)
 
 
-def alike(
-    likenesses: Sequence[SimilaritySource], kind: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def alike(likenesses: Sequence[SimilaritySource], kind: Integers) -> tuple[Floats, Floats]:
     """Return how alike the samples of the class of each region are: two (n,) float64 arrays.
 
     Their mean likeness to it, and by how much that exceeds the mean of the raster. `kind` is the class of

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence, phase, trim_heap
 from uavseg.jobs.match.request import MatchRequest
@@ -88,7 +89,7 @@ class TextureSearch:
     sample: Sample
     criterion: Criterion
     scores: CellScores
-    valid: NDArray[np.bool_]
+    valid: Bools
 
     @property
     def how(self) -> TextureSample:
@@ -182,10 +183,10 @@ def parting_of(search: TextureSearch) -> Parting:
 
 def outline_matches(
     source: GreySource,
-    cells: NDArray[np.uint8],
+    cells: Uint8s,
     criterion: Criterion,
     weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
+    rest_colors: Integers,
     tile_pass: TilePass,
     within: Rings | None = None,
     detail: Detail | None = None,
@@ -212,7 +213,7 @@ def _outline_match(
     source: GreySource,
     criterion: Criterion,
     weights: PixelWeights,
-    rest_colors: NDArray[np.int64],
+    rest_colors: Integers,
     detail: Detail | None,
     job: _MatchJob,
 ) -> TileOutlines | None:

@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
@@ -282,7 +282,7 @@ def regions_by_color(
         return results.measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
 
 
-def similarity_of(outlined: RegionOutlines, own: float) -> NDArray[np.float64]:
+def similarity_of(outlined: RegionOutlines, own: float) -> Floats:
     """Return the mean likeness of regions as a share of the sample's, `own`, at most 1: (n,) float64."""
     means = outlined.sums.greys / np.maximum(outlined.sums.counts, 1) / GREY_MAX
     return np.asarray(np.minimum(means / max(own, 1e-9), 1))

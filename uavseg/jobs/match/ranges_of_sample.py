@@ -11,9 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import decided, phase
@@ -314,7 +313,7 @@ def _of_bands(
     return ranges
 
 
-def _stored(sources: Greys, bands: Sequence[int], greys: NDArray[np.uint16]) -> dict[int, Floats]:
+def _stored(sources: Greys, bands: Sequence[int], greys: Uint16s) -> dict[int, Floats]:
     """Stored numbers of pixels of each band, from their greys."""
     result = {}
     for band, source, column in zip(bands, sources, greys.T, strict=True):

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -50,7 +50,7 @@ class BreakChoice:
         return Breaks(quantile_breaks(histogram, self.count or _QUANTILES))
 
 
-def quantile_breaks(histogram: NDArray[np.int64], count: int) -> tuple[float, ...]:
+def quantile_breaks(histogram: Integers, count: int) -> tuple[float, ...]:
     """Return breaks below which 1 / count, 2 / count, ... of the pixels lie; fewer where many have one value.
 
     The histogram, (65536,), is of pixels by grey.

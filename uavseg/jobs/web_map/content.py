@@ -2,10 +2,10 @@
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 from rasterio.io import MemoryFile
 from rasterio.warp import Resampling, reproject
 
+from uavseg.arrays import Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.execution.executors import phase
@@ -40,7 +40,7 @@ class MercatorImage:
     bounds: tuple[float, float, float, float]
 
 
-def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, size: int) -> MercatorImage:
+def to_mercator(image: Uint8s, geobox: GeoBox, ground: GroundGrid, size: int) -> MercatorImage:
     """Reproject an RGBA picture, (4, rows, cols), to Web Mercator.
 
     rasterio's `calculate_default_transform` is not used: it makes the quarry of the samples 640 pixels wide,
@@ -71,7 +71,7 @@ def to_mercator(image: NDArray[np.uint8], geobox: GeoBox, ground: GroundGrid, si
     return MercatorImage(content, shape, (west, south, east, north))
 
 
-def webp_of(image: NDArray[np.uint8]) -> bytes:
+def webp_of(image: Uint8s) -> bytes:
     """Return a (4, rows, cols) picture of red, green, blue and alpha as the content of a WebP file."""
     bands, rows, cols = image.shape
     with MemoryFile(ext=".webp") as memory:
@@ -100,8 +100,8 @@ class CellCodes:
     """Position of the mean of each cell's leaf among the steps of a slider."""
 
     shape: tuple[int, int]  # rows and columns of the raster
-    codes: NDArray[np.uint16]  # (m, n), see `leaf_codes`
-    counts: NDArray[np.uint8]  # (m, n) valid pixels
+    codes: Uint16s  # (m, n), see `leaf_codes`
+    counts: Uint8s  # (m, n) valid pixels
 
 
 @dataclass(frozen=True)

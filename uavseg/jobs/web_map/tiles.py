@@ -10,7 +10,7 @@ import numpy as np
 from affine import Affine
 from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Integers, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.jobs.web_map.content import CellCodes, FieldMap
@@ -73,7 +73,7 @@ def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:
 
 
 def _file_tile(
-    file: RasterFile, choice: BandChoice, place: tuple[int, int, int], inside: NDArray[np.bool_]
+    file: RasterFile, choice: BandChoice, place: tuple[int, int, int], inside: Bools
 ) -> Tile | None:
     """Read the tile of a file, which has the pixels that are `inside`."""
     with _importing:
@@ -110,9 +110,9 @@ def _file_tile(
 class CellTiles:
     """Tiles of the codes of cells, which a page that cannot hold all colours for any range of a slider."""
 
-    codes: NDArray[np.uint16]  # (m, n): see `leaf_codes`; 65535 where a cell has no valid pixel
+    codes: Uint16s  # (m, n): see `leaf_codes`; 65535 where a cell has no valid pixel
     geobox: GeoBox
-    areas: NDArray[np.float64]  # (2001,): square metres of the cells of each code
+    areas: Floats  # (2001,): square metres of the cells of each code
 
     @classmethod
     def of(cls, field_map: FieldMap) -> "CellTiles":
@@ -134,7 +134,7 @@ class CellTiles:
         return np.where(pixels.inside, below, np.uint16(NO_CODE)).astype("<u2").tobytes()
 
 
-def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
+def areas_by_code(cells: CellCodes, ground: GroundGrid) -> Floats:
     """Sum the square metres of the cells with valid pixels, by their codes from 0 to 2000: (2001,).
 
     The areas of pixels are those of the parts of the ground in which the centres of cells lie.
@@ -150,7 +150,7 @@ def areas_by_code(cells: CellCodes, ground: GroundGrid) -> NDArray[np.float64]:
     return areas[: 2 * STEPS + 1]
 
 
-def _parts(length: int, parts: int) -> NDArray[np.int64]:
+def _parts(length: int, parts: int) -> Integers:
     """Return the part of the ground in which the middle of each row of cells lies; the same for columns."""
     middles = CELL * np.arange(-(-length // CELL)) + CELL // 2
     return np.minimum(middles * parts // length, parts - 1)
@@ -160,9 +160,9 @@ def _parts(length: int, parts: int) -> NDArray[np.int64]:
 class TilePixels:
     """Pixels of a raster below the pixels of a tile."""
 
-    rows: NDArray[np.int64]  # (256, 256); 0 outside of the raster
-    cols: NDArray[np.int64]
-    inside: NDArray[np.bool_]  # (256, 256), whether the centre of the tile's pixel lies on the raster
+    rows: Integers  # (256, 256); 0 outside of the raster
+    cols: Integers
+    inside: Bools  # (256, 256), whether the centre of the tile's pixel lies on the raster
 
 
 def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | None:
@@ -191,7 +191,7 @@ def tile_pixels(geobox: GeoBox, place: tuple[int, int, int]) -> TilePixels | Non
     return TilePixels(_whole(rows, inside), _whole(cols, inside), inside)
 
 
-def _whole(values: Floats, inside: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _whole(values: Floats, inside: Bools) -> Integers:
     return np.floor(np.where(inside, values, 0)).astype(np.int64)
 
 
@@ -224,7 +224,7 @@ def _interpolated(geobox: GeoBox, place: tuple[int, int, int]) -> tuple[Floats, 
     return rows, cols
 
 
-def _bilinear(values: Floats, first: NDArray[np.int64], share: Floats) -> Floats:
+def _bilinear(values: Floats, first: Integers, share: Floats) -> Floats:
     down = values[first] * (1 - share)[:, None] + values[first + 1] * share[:, None]
     return down[:, first] * (1 - share) + down[:, first + 1] * share
 

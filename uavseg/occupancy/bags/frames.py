@@ -6,9 +6,8 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError
 from uavseg.occupancy.bags.bag import ODOMETRY, TRANSFORMS, Bag
@@ -40,7 +39,7 @@ IDENTITY = Transform(np.eye(3), np.zeros(3))
 class PoseTrack:
     """Poses of one frame in another, over time."""
 
-    times: NDArray[np.int64]  # (n,) int64; in nanoseconds, increasing
+    times: Integers  # (n,) int64; in nanoseconds, increasing
     shifts: Floats  # (n, 3) float64
     quaternions: Floats  # (n, 4) float64; unit ones, x, y, z, w
 

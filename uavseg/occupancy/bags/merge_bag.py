@@ -5,14 +5,13 @@ the map and the poses, however long the bag is.
 """
 
 import math
-import os
 from collections.abc import Iterator
 from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
@@ -144,9 +143,7 @@ class _Extent:
         return local_geobox((rows, cols), cell_m, (first[0] * cell_m, first[1] * cell_m))
 
 
-def merge_bag(
-    path: str | os.PathLike[str], topics: BagTopics = BagTopics(), params: MergeParams = MergeParams()
-) -> MergedBag:
+def merge_bag(path: Path_, topics: BagTopics = BagTopics(), params: MergeParams = MergeParams()) -> MergedBag:
     """Merge the scans of a bag, a .bag of ROS 1 or a folder, .mcap or .db3 of ROS 2, into a map.
 
     The frame of the map is the root of the frames above the sensor: that of the odometry, or the highest of

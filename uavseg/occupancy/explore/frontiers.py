@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Bools, Floats, Integers
+from uavseg.arrays import Bools, Float32s, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
@@ -166,7 +166,7 @@ def _see(states, index, views, range_cells, rays, last_view, starts, seen):  # t
 
 
 def expected_bits(
-    probabilities: NDArray[np.float32],
+    probabilities: Float32s,
     states: States,
     view: tuple[int, int],
     range_cells: float,

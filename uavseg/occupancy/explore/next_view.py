@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
-from uavseg.arrays import Bools, Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.flight.order.tour import Stops, short_tour
 from uavseg.occupancy.explore.block_graph import BlockGraph, block_graph
@@ -93,7 +93,7 @@ class ViewPlanner:
     range_m: float
     fov_deg: float = 360.0
     clearance_m: float = 0.0
-    tried: NDArray[np.uint8] = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
+    tried: Uint8s = field(init=False)  # (rows, cols); how often a frontier was looked at in vain
     driven: Bools = field(init=False)  # (rows, cols); where the robot was, so that it can return
     sights: Sights = field(init=False)  # of the last choice
 

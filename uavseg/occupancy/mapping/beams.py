@@ -17,8 +17,8 @@ from math import erf, exp, floor, inf, log, sqrt
 import numpy as np
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Floats
-from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, P_MIN, Float32s, add_one_free
+from uavseg.arrays import Float32s, Floats
+from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, P_MIN, add_one_free
 from uavseg.occupancy.mapping.pending import (
     MAX_FREE_COUNT,
     UP_TO_DATE,

@@ -1,7 +1,6 @@
 """Occupancy grid: the probability that each cell is occupied, updated by range scans in log-odds."""
 
 import math
-import os
 from dataclasses import asdict
 from typing import Any
 from weakref import WeakSet
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arguments import checked
+from uavseg.arrays import Bools, Float32s, Path_, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError
 from uavseg.occupancy.mapping import grid_io
@@ -20,7 +20,6 @@ from uavseg.occupancy.mapping.log_odds import (
     MAX_LOG_ODDS,
     Contradictions,
     Fading,
-    Float32s,
     probabilities_and_grey,
 )
 from uavseg.occupancy.mapping.pending import GreyMap, apply_pending, empty_pending, mark_up_to_date
@@ -38,7 +37,7 @@ class Update:
     window: Window  # the smallest one with every cell that the scan updated, empty if it updated none
     # (B, C), the blocks of 64 x 64 cells that were measured or divided again: those with a cell whose grey
     # has changed, and those next to such a cell
-    blocks: NDArray[np.bool_]
+    blocks: Bools
 
 
 @checked
@@ -190,7 +189,7 @@ class OccupancyGrid:
         return grid_io.fill_grid_message(self.probabilities, self.geobox, message)
 
     @checked
-    def save(self, path: str | os.PathLike[str], overwrite: bool = False) -> None:
+    def save(self, path: Path_, overwrite: bool = False) -> None:
         """Save the log-odds of all cells as a GeoTIFF, so that merging can continue.
 
         Parameters
@@ -204,7 +203,7 @@ class OccupancyGrid:
 
     @classmethod
     @checked
-    def load(cls, path: str | os.PathLike[str]) -> "OccupancyGrid":
+    def load(cls, path: Path_) -> "OccupancyGrid":
         """Load a grid that `save` saved; later scans continue from its log-odds.
 
         Raises MapError if the file is another raster or damaged, RasterReadError if it cannot be read.
@@ -345,6 +344,6 @@ class OccupancyGrid:
         return Dataset.of_values(self.probabilities, self.geobox, name)
 
 
-def grey_picture(probabilities: NDArray[np.float32]) -> NDArray[np.uint8]:
+def grey_picture(probabilities: NDArray[np.float32]) -> Uint8s:
     """Convert probabilities to 8-bit grey, floor(255 p + 0.5): free black, unknown grey, occupied white."""
     return np.floor(255 * probabilities.astype(np.float64) + 0.5).astype(np.uint8)

@@ -12,8 +12,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s, Path_
 from uavseg.errors import MapError, RasterError, SceneError
 from uavseg.inputs import as_number
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Fading
@@ -23,8 +23,6 @@ from uavseg.plain_text import shown
 from uavseg.raster.formats.geotiff import check_geotiff_name, read_geotiff, write_geotiff
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.read.dataset import Dataset
-
-Float32s = NDArray[np.float32]
 
 MAX_CELLS = 100_000_000  # of a grid in a file: 5 km x 5 km of cells of half a metre, about 1 GB in memory
 
@@ -43,11 +41,7 @@ def check_cells(shape: tuple[int, int], what: str) -> None:
 
 
 def write_grid_file(
-    path: str | os.PathLike[str],
-    log_odds: Float32s,
-    geobox: GeoBox,
-    overwrite: bool = False,
-    fading: Fading = _STAYING,
+    path: Path_, log_odds: Float32s, geobox: GeoBox, overwrite: bool = False, fading: Fading = _STAYING
 ) -> None:
     """Write the log-odds (rows, cols) of a grid to a .tif or .tiff."""
     check_geotiff_name(path, "a grid")
@@ -58,7 +52,7 @@ def write_grid_file(
     write_geotiff(path, [log_odds], geobox, [LOG_ODDS], tags, overwrite)
 
 
-def read_grid_file(path: str | os.PathLike[str]) -> tuple[Float32s, GeoBox, Fading]:
+def read_grid_file(path: Path_) -> tuple[Float32s, GeoBox, Fading]:
     """Read the log-odds of a grid, the position of its cells, and how its evidence fades."""
     name = os.fspath(path)
     dataset = Dataset.open(name)

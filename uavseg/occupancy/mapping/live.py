@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
-from uavseg.occupancy.mapping.pending import GreyMap, Mask
+from uavseg.occupancy.mapping.pending import GreyMap
 from uavseg.segmentation.blocks.block_map import BlockMap, leaves_of_block, mean_v
 from uavseg.segmentation.blocks.division import block_ratios, selected_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -55,9 +56,9 @@ class SegmentTracks:
         self._last = 0
         # The segment that each number is in: itself, or another; or minus the updates since it vanished.
         self._hosts: dict[int, int] = {}
-        self._cells: dict[int, NDArray[np.int64]] = {}  # flat cells of each number when it was last alone
+        self._cells: dict[int, Integers] = {}  # flat cells of each number when it was last alone
 
-    def update(self, inside: NDArray[np.bool_]) -> SegmentChanges:
+    def update(self, inside: Bools) -> SegmentChanges:
         """Number the components of cells (8 B, 8 C), and tell what changed."""
         from scipy import ndimage
 
@@ -113,11 +114,11 @@ class SegmentTracks:
         self.numbers = np.array([0, *(numbers[label] for label in cells)])[components]
         return changes
 
-    def _centre(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+    def _centre(self, cells: Integers) -> Floats:
         return np.asarray(np.array(np.unravel_index(cells, self.numbers.shape)).mean(axis=1))
 
 
-def _gap(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def _gap(one: Floats, other: Floats) -> float:
     return float(np.hypot(*(one - other)))
 
 
@@ -174,7 +175,7 @@ class LiveSegmentation:
         self.refit()
 
     @property
-    def intervals(self) -> NDArray[np.uint8]:
+    def intervals(self) -> Uint8s:
         """Return the interval in which the leaf of each cell of 8 x 8 pixels lies, counted from 1.
 
         For states: 1 free, 2 unknown, 3 occupied; for a range: 1 below, 2 inside, 3 above it. 0 where a cell
@@ -186,7 +187,7 @@ class LiveSegmentation:
         return shown
 
     @property
-    def inside(self) -> NDArray[np.bool_]:
+    def inside(self) -> Bools:
         """Return which cells are of leaves in the range, (8 B, 8 C) bool; ParameterError without a range."""
         if not isinstance(self.partition, IntensityRange):
             raise ParameterError(f"only a range has an inside; this segmentation is by {self.partition}")
@@ -203,12 +204,12 @@ class LiveSegmentation:
             self._tracks[interval] = SegmentTracks(self._intervals.shape)
         return self._tracks[interval].update(self.intervals == interval)
 
-    def numbers(self, interval: int | None = None) -> NDArray[np.int64]:
+    def numbers(self, interval: int | None = None) -> Integers:
         """Return the number of the segment of each cell when `changes` was last called, (8 B, 8 C); or 0."""
         tracks = self._tracks.get(self._checked(interval))
         return np.zeros(self._intervals.shape, np.int64) if tracks is None else tracks.numbers.copy()
 
-    def agreeing(self, interval: int) -> Mask:
+    def agreeing(self, interval: int) -> Bools:
         """Return the pixels whose leaf and whose v both lie in an interval: the cells that a path may pass.
 
         Walls thinner than a block lie in leaves whose mean is free; this excludes the pixels of such walls.
@@ -250,7 +251,7 @@ class LiveSegmentation:
         self._changes.pop()
         self._update_blocks(*np.ones((2, *self._stale.shape), bool))
 
-    def settle(self) -> Mask:
+    def settle(self) -> Bools:
         """Divide again the blocks that have changed since the last call; return which these are, (B, C)."""
         self._grey_map.flush_changes()
         changed, affected = self._changes.pop()
@@ -258,7 +259,7 @@ class LiveSegmentation:
             self._update_blocks(changed, affected)
         return affected
 
-    def _update_blocks(self, changed: Mask, affected: Mask) -> None:
+    def _update_blocks(self, changed: Bools, affected: Bools) -> None:
         """Divide blocks again: changed ones by their grey, affected ones by the texture at their edges."""
         self._stale |= affected
         indices = _block_indices(changed)
@@ -276,7 +277,7 @@ class LiveSegmentation:
         required = self._required[tuple(indices.T)]
         _classify_leaves(self._blocks, self._query, indices, required, self._leaves, self._intervals)
 
-    def _by_validity(self, blocks: Mask) -> Iterator[tuple[BlockIndices, NDArray[np.uint8] | None]]:
+    def _by_validity(self, blocks: Bools) -> Iterator[tuple[BlockIndices, Uint8s | None]]:
         """Split blocks into those that are valid throughout (with None) and the others (with `valid`)."""
         indices = _block_indices(blocks)
         inner = self._is_inner[indices[:, 0], indices[:, 1]]
@@ -285,11 +286,11 @@ class LiveSegmentation:
                 yield part, valid
 
 
-def _block_indices(blocks: Mask) -> BlockIndices:
+def _block_indices(blocks: Bools) -> BlockIndices:
     return np.ascontiguousarray(np.argwhere(blocks))
 
 
-def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> NDArray[np.uint32]:
+def _required_ratios_at(blocks: BlockMap, query: LeafQuery, indices: BlockIndices) -> Uint32s:
     """Find the R of some blocks that must be known to answer a query, one bit each, see `block_map`."""
     chosen, shape = (indices[:, 0], slice(None), indices[:, 1]), (-1, CELLS, blocks.blocks[1], CELLS)
     sums = blocks.sums.reshape(shape)[chosen].reshape(-1, CELLS)  # one block below the other
@@ -301,9 +302,9 @@ def _classify_leaves(
     blocks: BlockMap,
     query: LeafQuery,
     indices: BlockIndices,
-    required: NDArray[np.uint32],
-    scratch: tuple[NDArray[np.uint8], NDArray[np.float64]],
-    intervals: NDArray[np.uint8],
+    required: Uint32s,
+    scratch: tuple[Uint8s, Floats],
+    intervals: Uint8s,
 ) -> None:
     """Divide some blocks into leaves, and write the interval of each leaf's mean, 0 without a valid pixel."""
     division = (blocks.sums, blocks.counts, blocks.ratios, query.division.threshold, query.division.step)

@@ -4,15 +4,13 @@ from functools import cache
 from math import log
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Float32s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.tiling import Window
 from uavseg.units import GREY_MAX
-
-Float32s = NDArray[np.float32]
 
 P_MIN = 0.1
 FREE_LOG_ODDS = log(P_MIN / (1 - P_MIN))
@@ -23,7 +21,7 @@ _MAX_SCANS = 1_000_000
 _SQUARE = np.ones((3, 3), bool)
 
 
-def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uint16]]:
+def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, Uint16s]:
     """Compute p = 1 / (1 + exp(-log-odds)) for log-odds in -6..6, and its grey floor(65535 p + 0.5).
 
     Examples
@@ -38,7 +36,7 @@ def probabilities_and_grey(log_odds: Float32s) -> tuple[Float32s, NDArray[np.uin
 
 
 @cache
-def free_only_values() -> tuple[Float32s, Float32s, NDArray[np.uint16]]:
+def free_only_values() -> tuple[Float32s, Float32s, Uint16s]:
     """Compute log-odds, probability and grey, (4,) each, of cells with 0 to 3 free observations only."""
     odds = np.zeros(4, np.float32)
     for k in range(3):

@@ -13,14 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Float32s, Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
-from uavseg.occupancy.mapping.log_odds import (
-    Float32s,
-    add_one_free,
-    free_only_values,
-    grey_of_probability,
-    logistic,
-)
+from uavseg.occupancy.mapping.log_odds import add_one_free, free_only_values, grey_of_probability, logistic
 from uavseg.raster.grid.tiling import Window, whole_blocks
 from uavseg.segmentation.blocks.block_map import cell_sums
 from uavseg.units import BLOCK
@@ -31,7 +26,6 @@ UP_TO_DATE = 128  # the byte of a cell whose log-odds include every observation
 PendingUpdates = NDArray[np.uint8]
 
 _CACHE_LINE = 64  # bytes
-Mask = NDArray[np.bool_]
 NeighbourBits = NDArray[np.uint16]
 
 NEIGHBOURS = 9  # bits of a changed block: the 3 x 3 blocks around it that the change affects, by rows
@@ -45,7 +39,7 @@ class ChangeLog:
 
     changed: NeighbourBits  # (B, C) uint16; as in `GreyMap`
 
-    def pop(self) -> tuple[Mask, Mask]:
+    def pop(self) -> tuple[Bools, Bools]:
         """Read and clear changes: blocks (B, C) whose grey changed, and those with a change in or beside."""
         rows, cols = self.changed.shape
         around = np.zeros((rows + 2, cols + 2), bool)
@@ -63,10 +57,10 @@ class GreyMap:
 
     shape: tuple[int, int]  # rows and columns of the map in pixels
     # (M + 2, N + 2) uint16; padded to whole blocks of 64, with a border of one pixel; 0 outside the map.
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8]  # (M + 2, N + 2) uint8; 1 in the map
-    sums: NDArray[np.uint32]  # (8 B, 8 C); valid grey of cells of 8 x 8, as in a `BlockMap`
-    counts: NDArray[np.uint8]  # (8 B, 8 C)
+    grey: Uint16s
+    valid: Uint8s  # (M + 2, N + 2) uint8; 1 in the map
+    sums: Uint32s  # (8 B, 8 C); valid grey of cells of 8 x 8, as in a `BlockMap`
+    counts: Uint8s  # (8 B, 8 C)
     # (B, C) uint16; changes of each block since they were last copied to the change logs. A bit is set for
     # each of the 3 x 3 blocks around, in raster order, in which or next to which a pixel has changed its
     # grey.
@@ -84,7 +78,7 @@ class GreyMap:
         sums, counts = cell_sums(grey, valid, 1)
         return cls(shape=shape, grey=grey, valid=valid, sums=sums, counts=counts, changed=changed)
 
-    def set_grey(self, grey: NDArray[np.uint16]) -> None:
+    def set_grey(self, grey: Uint16s) -> None:
         """Set the grey of the whole map, a (rows, cols) array; all blocks count as changed."""
         self.grey[1 : self.shape[0] + 1, 1 : self.shape[1] + 1] = grey
         self.sums[:] = cell_sums(self.grey, self.valid, 1)[0]
@@ -116,7 +110,7 @@ def empty_pending(shape: tuple[int, int]) -> PendingUpdates:
     return storage[first : len(storage) - _CACHE_LINE + first].reshape(rows, cols, 8, 8, 8, 8)
 
 
-def mark_up_to_date(pending: PendingUpdates, row: NDArray[np.int64], col: NDArray[np.int64]) -> None:
+def mark_up_to_date(pending: PendingUpdates, row: Integers, col: Integers) -> None:
     """Mark cells whose log-odds were set, so that `apply_pending` brings probability and grey up to date."""
     pending[row >> 6, col >> 6, row >> 3 & 7, col >> 3 & 7, row & 7, col & 7] = UP_TO_DATE
 

@@ -7,9 +7,8 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Float32s, Floats
 from uavseg.errors import SceneError
 from uavseg.inputs import as_number
 from uavseg.plain_text import shown
@@ -107,7 +106,7 @@ def _has_echoes(ranges: Any) -> bool:
         return False
 
 
-def _nearest_echo(echoes: NDArray[np.float32], low: float, high: float) -> float:
+def _nearest_echo(echoes: Float32s, low: float, high: float) -> float:
     """Return the nearest valid echo of a beam; +inf where all of them are, else NaN."""
     valid = echoes[_is_valid(echoes, low, high)]
     if len(valid):
@@ -115,7 +114,7 @@ def _nearest_echo(echoes: NDArray[np.float32], low: float, high: float) -> float
     return np.inf if len(echoes) and (echoes == np.inf).all() else np.nan
 
 
-def _is_valid(ranges: NDArray[np.float32], low: float, high: float) -> NDArray[np.bool_]:
+def _is_valid(ranges: Float32s, low: float, high: float) -> Bools:
     return np.asarray((ranges >= np.float32(low)) & (ranges <= np.float32(high)))
 
 

@@ -5,18 +5,16 @@ runs through a corner, it touches both cells beside it, as a diagonal step does.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-
-Cells = NDArray[np.int64]
+from uavseg.arrays import Bools, Integers
 
 _MAX_HIDDEN = 32  # hidden cells in a row after which the search for a visible one stops
 _MAX_SKIPPED = 256  # corners that a leg may skip
 _MAX_ROUNDS = 64  # each makes the path shorter, by less and less
 
 
-def pull_string(mask: NDArray[np.bool_], cells: Cells) -> Cells:
+def pull_string(mask: Bools, cells: Integers) -> Integers:
     """Shorten a path between the same ends; returns its corners.
 
     From each corner the path goes straight to the last of its cells that is visible. Then, in turn, corners

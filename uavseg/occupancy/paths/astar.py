@@ -18,9 +18,9 @@ nor on the machine.
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, PathError
 from uavseg.occupancy.paths.bitmap import (
@@ -54,7 +54,7 @@ class CellPath:
 
     # (n, 2) int64; rows and columns, start and goal included; each is one of the eight neighbours of the one
     # before.
-    cells: NDArray[np.int64]
+    cells: Integers
     straight: int  # numbers of straight and of diagonal steps
     diagonal: int
     expanded: int  # number of cells that the search expanded
@@ -65,7 +65,7 @@ class CellPath:
         return self.straight + self.diagonal * sqrt(2)
 
 
-def shortest_path(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]) -> CellPath:
+def shortest_path(mask: Bools, start: tuple[int, int], goal: tuple[int, int]) -> CellPath:
     """Find the shortest path between two cells of a mask.
 
     A step leads to one of the eight neighbours; a diagonal one needs both cells beside it to be passable.
@@ -98,7 +98,7 @@ def shortest_path(mask: NDArray[np.bool_], start: tuple[int, int], goal: tuple[i
 
 def _search_turns(
     rows: Bitmap, cols: Bitmap, shape: tuple[int, int], start: tuple[int, int], goal: tuple[int, int]
-) -> tuple[NDArray[np.int64], int]:
+) -> tuple[Integers, int]:
     """Search the framed cells between which a path runs diagonally, then straight; count expansions."""
     width = shape[1] + 2
     node_of_cell = np.zeros((shape[0] + 2) * width, np.int32)  # number of the node on a cell, 0 for none
@@ -130,7 +130,7 @@ def _search_turns(
     return np.stack(np.divmod(node_cells[chain[::-1]].astype(np.int64), width), axis=1), int(state[_EXPANDED])
 
 
-def _fill_between(turns: NDArray[np.int64]) -> NDArray[np.int64]:
+def _fill_between(turns: Integers) -> Integers:
     """List all cells of a path that runs from each turn to the next, diagonally first."""
     moves = np.diff(turns, axis=0)
     lengths = np.abs(moves).max(axis=1)

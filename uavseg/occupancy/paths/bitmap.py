@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools
 
 Bitmap = NDArray[np.uint64]
 
 
-def pack_mask(mask: NDArray[np.bool_]) -> Bitmap:
+def pack_mask(mask: Bools) -> Bitmap:
     """Pack a mask (M, N) into a bitmap (M + 2, w), w = ceil((N + 2) / 64).
 
     Examples

@@ -9,14 +9,14 @@ the centre touches no impassable cell. Everything outside of the map is unknown,
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Floats
 
 _TOLERANCE = 1e-9  # relative, so that rounding does not fail a distance that is met exactly
 
 
-def clearance(mask: NDArray[np.bool_], width: float = 1.0, height: float = 1.0) -> NDArray[np.float64]:
+def clearance(mask: Bools, width: float = 1.0, height: float = 1.0) -> Floats:
     """Compute the distance from the centre of each cell to the nearest impassable cell or edge of the map.
 
     `mask` (M, N) are the passable cells. Width and height of a cell are in any unit; so are the distances (M,

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, PathError
 from uavseg.execution.executors import Map, serial
@@ -27,7 +28,6 @@ from uavseg.segmentation.source import GreySource
 from uavseg.units import GREY_MAX
 
 Cell = tuple[int, int]
-Mask = NDArray[np.bool_]
 _STRIPE = 1 << 22  # cells of a stripe, which are read together
 
 
@@ -87,7 +87,7 @@ class FreeCells:
         free = region > 0 and value is not None and bool(low <= tile.grey[0, 0] <= high)
         return MapPosition(name=name, cell=(here.row, here.col), region=region, value=value, is_free=free)
 
-    def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Mask, int]:
+    def of_regions(self, regions: Collection[int], map: Map = serial) -> tuple[Window, Bools, int]:
         """Return window and mask (rows, cols) of free cells of regions, and how many are out of range."""
         rings = self.rings.select(np.isin(self.rings.labels, list(regions)))
         top, left = rings.vertices.min(axis=0).tolist()
@@ -119,7 +119,7 @@ class FreeCells:
         x, y = self.geobox.xy_from_pixel(best[1] + 0.5, best[2] + 0.5)
         return best[0], best[3], float(x), float(y)
 
-    def grey_span(self, cells: NDArray[np.int64]) -> tuple[int, int] | None:
+    def grey_span(self, cells: Integers) -> tuple[int, int] | None:
         """Return the lowest and the highest grey of (n, 2) cells; None if one is invalid."""
         (top, left), (bottom, right) = cells.min(axis=0).tolist(), cells.max(axis=0).tolist()
         tile = self.source.read(Window(top, left, bottom - top + 1, right - left + 1), 0)
@@ -135,7 +135,7 @@ class FreeCells:
 
     def _read_stripes(
         self, rings: Rings, window: Window, map: Map
-    ) -> Iterable[tuple[Window, tuple[NDArray[np.uint32], Mask]]]:
+    ) -> Iterable[tuple[Window, tuple[Uint32s, Bools]]]:
         """Read a window stripe by stripe: labels of some regions, and the free cells among them."""
         count = max(_STRIPE // max(window.cols, 1), 1)
         stripes = [
@@ -145,7 +145,7 @@ class FreeCells:
         read = map(partial(self._read_window, Rasteriser(rings)), stripes)
         return zip(stripes, read, strict=True)
 
-    def _read_window(self, rasteriser: Rasteriser, window: Window) -> tuple[NDArray[np.uint32], Mask]:
+    def _read_window(self, rasteriser: Rasteriser, window: Window) -> tuple[Uint32s, Bools]:
         labels = rasteriser(window)
         low, high = self.interval.greys
         if not labels.any():
@@ -190,7 +190,7 @@ def why_closed(
     free: FreeCells,
     ends: tuple[MapPosition, MapPosition],
     window: Window,
-    mask: Mask,
+    mask: Bools,
     sides: tuple[float, float],
     clearance_m: float,
 ) -> str:
@@ -233,8 +233,8 @@ def _floored(metres: float) -> float:
 
 
 def _narrowest_gap(
-    mask: Mask, start: Cell, goal: Cell, width: float, height: float
-) -> tuple[Cell, Cell, list[NDArray[np.int64]]]:
+    mask: Bools, start: Cell, goal: Cell, width: float, height: float
+) -> tuple[Cell, Cell, list[Integers]]:
     """Find the nearest cells of the components of two cells, and the cells of two L-shaped routes between.
 
     Examples
@@ -262,7 +262,7 @@ def _narrowest_gap(
     return (row, col), (last_row, last_col), routes
 
 
-def _largest_clearance(distance: NDArray[np.float64], start: Cell, goal: Cell) -> float:
+def _largest_clearance(distance: Floats, start: Cell, goal: Cell) -> float:
     """Find the largest clearance with which a path connects two cells, by bisection; 0 where none does."""
     known = np.unique(distance[(distance > 0) & (distance <= min(distance[start], distance[goal]))])
     open_, closed = -1, len(known)
@@ -276,7 +276,7 @@ def _largest_clearance(distance: NDArray[np.float64], start: Cell, goal: Cell) -
     return 0.0 if open_ < 0 else float(known[open_])
 
 
-def _connected(mask: Mask) -> NDArray[Any]:
+def _connected(mask: Bools) -> NDArray[Any]:
     """Label the 4-connected components, 0 where the mask is false."""
     from scipy.ndimage import label
 
@@ -311,7 +311,7 @@ class PlannedPath:
 
     # (n, 2) int64; row and column of the cells where it begins, turns and ends; it is straight between their
     # centres.
-    corners: NDArray[np.int64]
+    corners: Integers
     geobox: GeoBox  # of the map
     length_m: float  # on the ground; in units of the map if it has no CRS
     cells: int  # number of cells of the path before string pulling
@@ -322,7 +322,7 @@ class PlannedPath:
     warnings: tuple[str, ...] = ()
 
     @property
-    def xy(self) -> NDArray[np.float64]:
+    def xy(self) -> Floats:
         """Return the corners in map coordinates, an (n, 2) array."""
         return np.stack(self.geobox.xy_from_pixel(*(self.corners.T + 0.5)), axis=1)
 
@@ -366,7 +366,7 @@ def find_path(
     )
 
 
-def _with_clearance(mask: Mask, metres: float, sides: tuple[float, float], ends: dict[str, Cell]) -> Mask:
+def _with_clearance(mask: Bools, metres: float, sides: tuple[float, float], ends: dict[str, Cell]) -> Bools:
     """Return the cells that keep a clearance; refuse a start or goal without it."""
     distance = clearance(mask, *sides)
     for name, cell in ends.items():

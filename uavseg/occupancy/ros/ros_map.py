@@ -18,6 +18,7 @@ from affine import Affine
 from numpy.typing import NDArray
 
 from uavseg.access import current_policy
+from uavseg.arrays import Bools, Float32s, Integers, Path_, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, RasterError, RasterReadError
 from uavseg.inputs import parse_yaml, read_bytes, read_start
@@ -62,14 +63,14 @@ class CellRules:
                 "so that no cell is free and occupied at once"
             )
 
-    def cells(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None = None) -> RosCells:
+    def cells(self, grey: Uint8s, alpha: Uint8s | None = None) -> RosCells:
         """Convert 8-bit grey to cells; pixels that are not opaque are unknown, except in the mode raw."""
         cells = self.table()[grey]
         if alpha is not None and self.mode != "raw":
             cells[alpha < 255] = UNKNOWN_CELL
         return cells
 
-    def cells_before_2025(self, grey: NDArray[np.uint8], alpha: NDArray[np.uint8]) -> RosCells:
+    def cells_before_2025(self, grey: Uint8s, alpha: Uint8s) -> RosCells:
         """Convert a trinary map with alpha as Nav2 up to Jazzy does, which averages alpha into the grey."""
         brightness = (3 * grey.astype(np.float64) + alpha) / (4 * 255)
         occupancy = brightness if self.negate else 1 - brightness
@@ -102,7 +103,7 @@ class MapDescription:
     rules: CellRules
 
 
-def read_ros_yaml(path: str | os.PathLike[str]) -> MapDescription:
+def read_ros_yaml(path: Path_) -> MapDescription:
     """Read and check the YAML file of a ROS map."""
     content = _read_yaml(path)
     try:
@@ -137,7 +138,7 @@ def ros_yaml_text(content: Mapping[str, Any]) -> str:
     return text
 
 
-def _read_yaml(path: str | os.PathLike[str]) -> Mapping[str, Any]:
+def _read_yaml(path: Path_) -> Mapping[str, Any]:
     import yaml
 
     name = os.fspath(path)
@@ -201,19 +202,19 @@ class RosMap:
     warnings: tuple[str, ...] = ()
 
     @property
-    def probabilities(self) -> NDArray[np.float32]:
+    def probabilities(self) -> Float32s:
         """Return the cells as 0..1, exactly 0.5 where unknown: (rows, cols) float32."""
         table = np.full(256, 0.5, np.float32)
         table[:101] = np.arange(101).astype(np.float32) / np.float32(100)
         return table[self.cells.view(np.uint8)]
 
 
-def is_ros_map(path: str | os.PathLike[str]) -> bool:
+def is_ros_map(path: Path_) -> bool:
     """Return whether a path has the extension of a ROS map's YAML file: .yaml or .yml."""
     return Path(path).suffix.lower() in (".yaml", ".yml")
 
 
-def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
+def read_ros_map(path: Path_) -> RosMap:
     """Read a map from its YAML file and the image that it names."""
     metadata = read_ros_yaml(path)
     current_policy().check_file(path, metadata.image)
@@ -228,7 +229,7 @@ def read_ros_map(path: str | os.PathLike[str]) -> RosMap:
 
 
 def _map_warnings(
-    metadata: MapDescription, grey: NDArray[np.uint8], alpha: NDArray[np.uint8] | None, cells: RosCells
+    metadata: MapDescription, grey: Uint8s, alpha: Uint8s | None, cells: RosCells
 ) -> Iterator[str]:
     rules, picture = metadata.rules, metadata.image.name
     scaled = rules.mode == "scale"
@@ -253,9 +254,7 @@ def _cells(count: int) -> str:
     return "1 cell" if count == 1 else f"{count:,} cells"
 
 
-def check_ros_map(
-    path: str | os.PathLike[str], geobox: GeoBox, overwrite: bool = False, mode: str = "trinary"
-) -> None:
+def check_ros_map(path: Path_, geobox: GeoBox, overwrite: bool = False, mode: str = "trinary") -> None:
     """Check that a map may be written to a path, before the work; raises the errors of `write_ros_map`."""
     for target in (Path(path), image_path(path, mode)):
         check_target(target, overwrite)
@@ -263,7 +262,7 @@ def check_ros_map(
 
 
 def write_ros_map(
-    path: str | os.PathLike[str],
+    path: Path_,
     states: NDArray[np.integer[Any]],
     geobox: GeoBox,
     overwrite: bool = False,
@@ -282,11 +281,7 @@ def write_ros_map(
 
 
 def write_ros_probabilities(
-    path: str | os.PathLike[str],
-    probabilities: NDArray[np.float32],
-    geobox: GeoBox,
-    overwrite: bool = False,
-    mode: str = "scale",
+    path: Path_, probabilities: Float32s, geobox: GeoBox, overwrite: bool = False, mode: str = "scale"
 ) -> None:
     """Write probabilities as a map that Nav2 reads back to the per cent.
 
@@ -303,18 +298,16 @@ def write_ros_probabilities(
     _write(path, grey, ~unknown, geobox, overwrite, mode, {"occupied_thresh": 1.0, "free_thresh": 0.0})
 
 
-def write_ros_percent(
-    path: str | os.PathLike[str], values: NDArray[np.uint8], geobox: GeoBox, overwrite: bool = False
-) -> None:
+def write_ros_percent(path: Path_, values: Uint8s, geobox: GeoBox, overwrite: bool = False) -> None:
     """Write values from 0 to 100, (rows, cols), as a map in the mode "raw", which Nav2 reads as they are."""
     check_target(image_path(path, "raw"), overwrite)
     _write(path, values, None, geobox, overwrite, "raw", _WRITTEN_THRESHOLDS)
 
 
 def _write(
-    path: str | os.PathLike[str],
-    grey: NDArray[np.uint8],
-    opaque: NDArray[np.bool_] | None,
+    path: Path_,
+    grey: Uint8s,
+    opaque: Bools | None,
     geobox: GeoBox,
     overwrite: bool,
     mode: str,
@@ -334,14 +327,14 @@ def _write(
         target.write_text(ros_yaml_text(metadata), encoding="utf-8")
 
 
-def image_path(path: str | os.PathLike[str], mode: str) -> Path:
+def image_path(path: Path_, mode: str) -> Path:
     """Return the path of the image beside a YAML file; `mode` is "trinary", "scale" or "raw"."""
     if mode not in ROS_MODES:
         raise MapError(f"mode is trinary, scale or raw, not {mode!r}")
     return Path(path).with_suffix(".png" if mode == "scale" else ".pgm")
 
 
-def read_picture(image: str | os.PathLike[str]) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
+def read_picture(image: Path_) -> tuple[Uint8s, Uint8s | None]:
     """Read the 8-bit grey of the image of a map, and its alpha; None where it has none."""
     if is_pgm(image):
         samples, maximum = read_pgm(image)
@@ -373,12 +366,12 @@ def placement(geobox: GeoBox) -> tuple[float, list[float], bool]:
     return side, [x, y, math.atan2(d, a)], mirrored
 
 
-def is_pgm(path: str | os.PathLike[str]) -> bool:
+def is_pgm(path: Path_) -> bool:
     """Return whether a file begins with the magic number of a PGM."""
     return read_start(path, 2) in _MAGIC
 
 
-def read_pgm(path: str | os.PathLike[str]) -> tuple[NDArray[np.integer[Any]], int]:
+def read_pgm(path: Path_) -> tuple[NDArray[np.integer[Any]], int]:
     """Read the samples of a PGM, and the sample that stands for white.
 
     They are (rows, cols), not negative; those above the maximum are white too.
@@ -412,7 +405,7 @@ def _raw(body: bytes, count: int, maximum: int) -> NDArray[np.integer[Any]]:
     return np.frombuffer(body, dtype, min(available, count), offset=1 if body else 0)
 
 
-def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:
+def _plain(body: bytes, count: int, path: str) -> Integers:
     """Decode at most `count` samples, written as text."""
     tokens = re.sub(rb"#[^\r\n]*", b"", body).split()[:count]
     if not all(word.isdigit() and len(word) < 10 for word in tokens):
@@ -420,7 +413,7 @@ def _plain(body: bytes, count: int, path: str) -> NDArray[np.int64]:
     return np.array([int(word) for word in tokens], np.int64)
 
 
-def pgm_bytes(grey: NDArray[np.uint8]) -> bytes:
+def pgm_bytes(grey: Uint8s) -> bytes:
     """Encode a (rows, cols) uint8 array as a raw 8-bit PGM."""
     rows, cols = grey.shape
     return b"P5\n%d %d\n255\n" % (cols, rows) + np.ascontiguousarray(grey).tobytes()

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Floats
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.raster.grid.geobox import local_geobox
@@ -38,7 +38,7 @@ BUILT_IN_SCENES: dict[str, Callable[[], Simulation]] = {"lens": lens, "circles":
 
 def lens_outline(
     x: float, y: float, height: float, edge: float, waist: float, arc_corners: int = 65
-) -> NDArray[np.float64]:
+) -> Floats:
     """Compute the corners (2 arc_corners, 2) of a lens with two concave sides, counterclockwise.
 
     The centre and all lengths are in metres; `edge` is the width at the top and bottom, `waist` in the

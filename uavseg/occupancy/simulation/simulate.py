@@ -8,15 +8,14 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uavseg._jit import kernel
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.mapping.pending import Mask
 from uavseg.occupancy.mapping.scan import Pose, Scan, check_distance, check_place, check_positive
 from uavseg.occupancy.mapping.sensor_messages import MAX_BEAMS
 from uavseg.raster.grid.geobox import GeoBox
@@ -66,11 +65,11 @@ class Scene:
         _cast(x, y, rays, self._edges, self._discs, distances)
         return distances
 
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike, y: ArrayLike) -> Bools:
         """Return whether points lie inside a polygon or circle; `x`, `y` and the result have one shape."""
         xs, ys = np.asarray(x, np.float64), np.asarray(y, np.float64)
         shapely.prepare(self._shapes)
-        inside: NDArray[np.bool_] = shapely.contains_xy(self._shapes, xs, ys)
+        inside: Bools = shapely.contains_xy(self._shapes, xs, ys)
         for cx, cy, radius in self._discs:
             inside = inside | (np.hypot(xs - cx, ys - cy) < radius)
         return inside
@@ -133,7 +132,7 @@ class CellScene:
     array([ 3., inf])
     """
 
-    solid: NDArray[np.bool_]  # (rows, cols)
+    solid: Bools  # (rows, cols)
     geobox: GeoBox
 
     def cast(self, x: float, y: float, angles: ArrayLike) -> Floats:
@@ -147,7 +146,7 @@ class CellScene:
         _cast_in_cells(solid, d * x + e * y + f, a * x + b * y + c, steps, distances)
         return distances
 
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike, y: ArrayLike) -> Bools:
         """Return whether points lie in a solid cell; `x`, `y` and the result have one shape."""
         a, b, c, d, e, f = tuple(~self.geobox.transform)[:6]
         xs, ys = np.asarray(x, np.float64), np.asarray(y, np.float64)
@@ -236,12 +235,12 @@ class Truth:
 
     # (rows, cols) uint8; 1 free and 3 occupied where the cell is visible to the sensor, 2 (unknown)
     # elsewhere.
-    states: NDArray[np.uint8]
-    solid: Mask  # (rows, cols) bool; whether the centre of the cell lies inside a polygon or circle
+    states: Uint8s
+    solid: Bools  # (rows, cols) bool; whether the centre of the cell lies inside a polygon or circle
     # (rows, cols) bool; whether from some pose the centre of the cell lies within the field of view and the
     # maximum range, and nothing hides it. A solid cell is visible up to the depth at which a beam still
     # updates cells behind its return, 3 σ.
-    visible: Mask
+    visible: Bools
 
 
 @dataclass(frozen=True)
@@ -280,7 +279,7 @@ class Simulation:
         states = np.where(visible, np.where(solid, OCCUPIED, FREE), UNKNOWN).astype(np.uint8)
         return Truth(states=states, solid=solid, visible=visible)
 
-    def _visible_from(self, pose: Pose, x: NDArray[np.float64], y: NDArray[np.float64], solid: Mask) -> Mask:
+    def _visible_from(self, pose: Pose, x: Floats, y: Floats, solid: Bools) -> Bools:
         sensor = self.sensor
         depth_limit = REACH_SIGMAS * sensor.sigma_m
         distance = np.hypot(x - pose.x, y - pose.y)

@@ -10,9 +10,8 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.patches import Polygon
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats, Integers, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, PathError
 from uavseg.flight.mission.items import LANDINGS, RETURN, TAKEOFFS, WAYPOINT, Fence, FenceCircle
@@ -40,9 +39,9 @@ class MissionLayer:
     """A mission in plot coordinates: home, each position that is flown to, and home again on a return."""
 
     path: Floats  # (n, 2)
-    numbers: NDArray[np.int64]  # (n,): of the waypoints, from 1; 0 for home and takeoff
-    is_line: NDArray[np.bool_]  # (n - 1,): photographs are taken along the leg
-    has_shot: NDArray[np.bool_]  # (n,): a single photograph is taken there
+    numbers: Integers  # (n,): of the waypoints, from 1; 0 for home and takeoff
+    is_line: Bools  # (n - 1,): photographs are taken along the leg
+    has_shot: Bools  # (n,): a single photograph is taken there
     returns: bool  # the last leg leads home
     mission: Mission
     name: str = ""  # for the legend; empty for a mission that is alone
@@ -76,7 +75,7 @@ class MissionLayer:
         back = np.arange(len(legs)) == len(legs) - 1 if self.returns else np.zeros(len(legs), bool)
         transit = ~self.is_line & ~back
         flight = self.name or "flight"
-        groups: list[tuple[NDArray[np.bool_], str, float, Any]] = [
+        groups: list[tuple[Bools, str, float, Any]] = [
             (self.is_line, f"{flight}, with photographs", 2.0, "solid"),
             (transit, flight, 1.0 if self.is_line.any() else 1.3, "solid"),
             (back, "" if self.name else "return", 1.1, (0, (4, 2.5))),
@@ -111,7 +110,7 @@ class MissionLayer:
             ax.text(*(self.path[n] + 4.5 * point), str(self.numbers[n]), **look).set_path_effects(halo)
 
 
-def path_numbers(mission: Mission) -> tuple[NDArray[np.int64], bool]:
+def path_numbers(mission: Mission) -> tuple[Integers, bool]:
     """Return the number of each position of a path, 0 for home, takeoff and landing; and if it leads home."""
     commands = [item.command for item in mission.items if item.has_position or item.command == RETURN]
     counts = np.array([False] + [one not in {*TAKEOFFS, RETURN, *LANDINGS} for one in commands])
@@ -173,7 +172,7 @@ def arrow_heads(path: Floats, min_leg: float, size: float) -> Floats:
     return np.stack([tip, tail + 0.4 * size * across, tail - 0.4 * size * across], axis=1)
 
 
-def choose_numbered(path: Floats, numbers: NDArray[np.int64], min_distance: float) -> list[int]:
+def choose_numbered(path: Floats, numbers: Integers, min_distance: float) -> list[int]:
     """Choose the positions that get a number: the first, the last, and others at a distance from these.
 
     The path, (n, 2), and the distance are in plot coordinates; numbers, (n,), are 0 where there is none.
@@ -260,7 +259,7 @@ class PathLayer:
     headings: tuple[float, ...] = ()  # of the views, in degrees, counterclockwise from the x axis
 
     @classmethod
-    def of(cls, source: PlannedPath | str | os.PathLike[str], frame: Frame) -> "PathLayer":
+    def of(cls, source: PlannedPath | Path_, frame: Frame) -> "PathLayer":
         """Place a path of `uavseg.path`, a file of `uavseg path`, `next-view` or `explore`, or a mission."""
         if isinstance(source, PlannedPath):
             return cls((frame.plot_from_xy(source.xy),), source.length_m)

@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from uavseg.arrays import Integers, Path_
+from uavseg.arrays import Floats, Integers, Path_, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.occupancy.ros.ros_map import is_ros_map, read_ros_map
@@ -71,7 +71,7 @@ def draw_raster(
     return f"{'colours' if is_colored else 'grey'}: {fitted.name}"
 
 
-def mean_of_four(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def mean_of_four(picture: Uint8s) -> Uint8s:
     """Downsample a picture by two: matplotlib takes 90 bytes for each pixel that it is given.
 
     It is (rows, cols, 4), with an alpha of 255 where a pixel is valid, and 0 elsewhere. The result is half as
@@ -88,13 +88,13 @@ def mean_of_four(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.concatenate([total // np.maximum(count, 1), count * 255 // 4], axis=-1).astype(np.uint8)
 
 
-def _sum_of_four(image: NDArray[np.uint16]) -> NDArray[np.uint16]:
+def _sum_of_four(image: Uint16s) -> Uint16s:
     rows, cols = image.shape[:2]
     even = np.pad(image, ((0, rows % 2), (0, cols % 2), (0, 0)))
     return even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2]
 
 
-def draw_image(ax: Any, picture: NDArray[np.uint8], transform: Affine, zorder: float) -> None:
+def draw_image(ax: Any, picture: Uint8s, transform: Affine, zorder: float) -> None:
     """Draw an RGBA image, (rows, cols, 4); the transform is from pixel corners (col, row) to the plot."""
     t = transform
     image = ax.imshow(
@@ -123,7 +123,7 @@ def is_enlarged(ax: Any, transform: Affine) -> bool:
 class LabelsLayer:
     """Labels in plot coordinates, drawn as contours of their segments."""
 
-    labels: NDArray[np.uint32]  # 0 outside of segments
+    labels: Uint32s  # 0 outside of segments
     plot_from_pixel: Affine
     is_whole: bool  # each pixel was read; else small segments may be missing
 
@@ -172,7 +172,7 @@ def _read_band(dataset: Dataset, frame: Frame, max_side: int) -> tuple[NDArray[A
     return band, coarse.geobox
 
 
-def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours:
+def contours_of(labels: Uint32s, plot_from_pixel: Affine) -> Contours:
     """Trace closed lines, (n, 2), around labels; the transform is from pixel corners (col, row)."""
     rings = trace(labels)
     x, y = plot_from_pixel * rings.vertices[:, ::-1].T.astype(np.float64)
@@ -180,7 +180,7 @@ def contours_of(labels: NDArray[np.uint32], plot_from_pixel: Affine) -> Contours
     return tuple(np.concatenate([part, part[:1]]) for part in parts if len(part))
 
 
-def _borders(labels: NDArray[np.uint32]) -> NDArray[np.uint8]:
+def _borders(labels: Uint32s) -> Uint8s:
     """Draw an RGBA picture: white along borders of segments, dark beside them."""
     border, beside = np.zeros((2, *labels.shape), bool)
     border[:-1] |= labels[1:] != labels[:-1]
@@ -197,7 +197,7 @@ def _borders(labels: NDArray[np.uint32]) -> NDArray[np.uint8]:
 class StatesLayer:
     """States in plot coordinates, in colour, with white contours of the segments."""
 
-    states: NDArray[np.uint8]  # 1 free, 2 unknown, 3 occupied; 0 no data
+    states: Uint8s  # 1 free, 2 unknown, 3 occupied; 0 no data
     plot_from_pixel: Affine
 
     @classmethod
@@ -245,8 +245,8 @@ def _open_states(source: Path_) -> Dataset:
 class LeavesLayer:
     """Leaves of the quadtree in plot coordinates, drawn as outlines."""
 
-    corners: NDArray[np.float64]  # (n, 4, 2), clipped to the raster
-    sides: NDArray[np.int64]  # 64, 32, 16 or 8 pixels
+    corners: Floats  # (n, 4, 2), clipped to the raster
+    sides: Integers  # 64, 32, 16 or 8 pixels
 
     @classmethod
     def of(cls, source: Path_, frame: Frame, max_side: int) -> "LeavesLayer":

@@ -15,6 +15,7 @@ from matplotlib.path import Path as DrawnPath
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.output.staging import default_signals
@@ -256,7 +257,7 @@ def _text(value: Any) -> str:
     return "" if value is None or value != value else str(value)
 
 
-def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, NDArray[np.bool_]]]:
+def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, Bools]]:
     """Return styles, each with a mask of the `count` regions that have it; plain without a confidence."""
     values = columns.get("confidence", np.empty(0))
     if values.dtype.kind not in "iuf" or not np.isfinite(values).any():
@@ -302,8 +303,8 @@ class LevelsLayer:
     """Segments in plot coordinates, with the grey of their levels."""
 
     polygons: PolygonArray
-    levels: NDArray[np.int64]  # the darkest has the smallest number
-    greys: NDArray[np.float64]  # 0 black to 1 white
+    levels: Integers  # the darkest has the smallest number
+    greys: Floats  # 0 black to 1 white
 
     @classmethod
     def of(cls, source: Any, frame: Frame) -> "LevelsLayer":
@@ -328,7 +329,7 @@ class LevelsLayer:
             ax.add_collection(PathCollection(paths, facecolor=color, edgecolor=color, lw=0.3, zorder=2.2))
 
 
-def _numbers(name: str, columns: Columns) -> NDArray[np.float64]:
+def _numbers(name: str, columns: Columns) -> Floats:
     """Return a column that holds finite numbers, as texts too."""
     try:
         numbers = np.array([float(value) for value in columns[name]])
@@ -339,7 +340,7 @@ def _numbers(name: str, columns: Columns) -> NDArray[np.float64]:
     raise RegionError(f"the column {name} of the segments holds something other than numbers")
 
 
-def _greys(levels: NDArray[np.int64], columns: Columns) -> NDArray[np.float64]:
+def _greys(levels: Integers, columns: Columns) -> Floats:
     """Return the middle of each segment's interval; evenly spaced greys if the intervals are not given."""
     if "range_low" in columns and "range_high" in columns:
         low, high = (np.clip(_numbers(name, columns), 0, 1) for name in ("range_low", "range_high"))

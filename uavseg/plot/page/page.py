@@ -1,7 +1,6 @@
 """Page layout and plot coordinates of all pictures: file, figure, axes, scale bar, north arrow, text."""
 
 import math
-import os
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -117,7 +116,7 @@ class Frame:
         return self.geobox.lonlat_from_xy(x, y)
 
 
-def check_png_target(path: str | os.PathLike[str], overwrite: bool) -> Path:
+def check_png_target(path: Path_, overwrite: bool) -> Path:
     """Refuse a path to which a picture may not be written, else return it."""
     if Path(path).suffix.lower() != ".png":
         raise OutputError(f"a preview is a PNG picture; call it {Path(path).stem}.png, not {Path(path).name}")

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.raster.collar.flood import UNREACHED, distances, flood, flood_tiles, sides, with_border
 from uavseg.raster.grid.tiling import ALL, PixelMask, TilePass, Window, sample_positions, tiles
@@ -25,7 +26,6 @@ MAX_NEAR = 1 / 8  # share of nearly constant pixels in a picture, and least shar
 MAX_SPECKLE = 1 / 50  # share of pixels of exactly the constant value in a picture
 FADING = (0.05, 0.28)  # shares of the rim within two levels; measured on clipped and on drawn rasters
 
-Pixels = NDArray[np.bool_]
 CORNERS_AROUND = 3  # held by what surrounds a picture
 EDGE_AROUND = 0.5  # share of the edge of the raster that it covers
 ONE_PIECE = 0.97  # share of the picture in its largest piece
@@ -43,8 +43,8 @@ class RimCounts:
     """
 
     # pixels beside the collar, and 17 to 32 pixels from it, by the largest difference of a band, (n,)
-    rim: NDArray[np.int64] = field(repr=False)
-    beyond: NDArray[np.int64] = field(repr=False)
+    rim: Integers = field(repr=False)
+    beyond: Integers = field(repr=False)
     inside: int  # valid pixels in the collar
 
     def __add__(self, other: "RimCounts") -> "RimCounts":
@@ -100,7 +100,7 @@ class RimCounts:
         return low < _share(self.rim, 3) < high
 
 
-def _share(histogram: NDArray[np.int64], end: int) -> float:
+def _share(histogram: Integers, end: int) -> float:
     """Return share of the first bins of a histogram; 0 if it is empty."""
     return int(histogram[:end].sum()) / max(int(histogram.sum()), 1)
 
@@ -169,7 +169,7 @@ def _grow_tile(
     return PixelMask.of(grown), int((grown & valid[own] & ~core[own]).sum())
 
 
-def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
+def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Bools:
     """Return the flood with its neighbours in a window."""
     flood = with_border(flooded.read, window, shape, False)
     rows = flood[:-2] | flood[1:-1] | flood[2:]
@@ -178,7 +178,7 @@ def _core(flooded: PixelMask, window: Window, shape: tuple[int, int]) -> Pixels:
 
 def _read(
     dataset: Dataset, flooded: PixelMask, value: int, window: Window
-) -> tuple[Pixels, NDArray[np.unsignedinteger[Any]], Pixels, tuple[slice, slice]]:
+) -> tuple[Bools, NDArray[np.unsignedinteger[Any]], Bools, tuple[slice, slice]]:
     """Read the flood with its neighbours, differences, validity around a tile; and where that lies."""
     around = window.grown(BEYOND).clipped(dataset.geobox.shape)
     values, valid = dataset.read(around)
@@ -189,7 +189,7 @@ def _read(
     return _core(flooded, around, dataset.geobox.shape), difference, known, own
 
 
-def straight_share(points: NDArray[np.float64], tolerance: float, length: float, max_lines: int = 8) -> float:
+def straight_share(points: Floats, tolerance: float, length: float, max_lines: int = 8) -> float:
     """Return the share of points, (n, 2) rows and columns, that lie on a few straight lines.
 
     They are at most `tolerance` pixels from a line, and those of a line extend at least over `length`.
@@ -211,7 +211,7 @@ def straight_share(points: NDArray[np.float64], tolerance: float, length: float,
     return 1 - len(left) / max(len(points), 1)
 
 
-def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float64]:
+def outline_points(mask: PixelMask, shape: tuple[int, int]) -> Floats:
     """Return (n, 2) rows and columns of a set's outline, by blocks, evenly thinned to 20 000."""
     whole = np.pad(mask.codes == ALL, 1, mode="edge")
     inner = whole[:-2, 1:-1] & whole[2:, 1:-1] & whole[1:-1, :-2] & whole[1:-1, 2:]
@@ -230,7 +230,7 @@ def outline_points(mask: PixelMask, shape: tuple[int, int]) -> NDArray[np.float6
     return points[::step].astype(np.float64)
 
 
-def _best_line(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.bool_], float]:
+def _best_line(points: Floats, tolerance: float) -> tuple[Bools, float]:
     """Return the points on the line with most of them, and how far these extend."""
     center = points.mean(axis=0)
     row, col = (points - center).T
@@ -252,7 +252,7 @@ def _best_line(points: NDArray[np.float64], tolerance: float) -> tuple[NDArray[n
     return near, float(np.ptp(points[near] @ _direction(points[near])))
 
 
-def _direction(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _direction(points: Floats) -> Floats:
     away = points - points.mean(axis=0)
     return np.linalg.eigh(away.T @ away)[1][:, -1]
 

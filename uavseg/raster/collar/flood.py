@@ -11,17 +11,16 @@ from dataclasses import field
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import PixelMask, TilePass, Window, tile_side, tiles
 from uavseg.raster.read.dataset import Dataset
 
 TILE_PIXELS = 1 << 20
 
-Pixels = NDArray[np.bool_]
-Lines = tuple[Pixels, Pixels, Pixels, Pixels]
+Lines = tuple[Bools, Bools, Bools, Bools]
 UNREACHED = 255
 
 
@@ -61,7 +60,7 @@ def flood_tiles(dataset: Dataset) -> tuple[int, int]:
     return tile_side(dataset.geobox.shape, dataset.file_block, TILE_PIXELS)
 
 
-def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
+def is_passable(dataset: Dataset, value: int | None, window: Window) -> Bools:
     """Return where pixels are nodata or of a value in all bands, for a window inside the raster."""
     if dataset.is_empty(window):
         return np.ones((window.rows, window.cols), bool)
@@ -72,7 +71,7 @@ def is_passable(dataset: Dataset, value: int | None, window: Window) -> Pixels:
     return passable
 
 
-def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
+def _opened(dataset: Dataset, value: int | None, window: Window) -> Bools:
     """Return where a pixel and its eight neighbours are passable; what lies beyond the raster is."""
     whole = with_border(partial(is_passable, dataset, value), window, dataset.geobox.shape, True)
     rows = whole[:-2] & whole[1:-1] & whole[2:]
@@ -80,8 +79,8 @@ def _opened(dataset: Dataset, value: int | None, window: Window) -> Pixels:
 
 
 def with_border(
-    read: Callable[[Window], Pixels], window: Window, shape: tuple[int, int], beyond: bool
-) -> Pixels:
+    read: Callable[[Window], Bools], window: Window, shape: tuple[int, int], beyond: bool
+) -> Bools:
     """Read a window with one more pixel on each side, of one value beyond the raster."""
     wider = window.grown(1)
     part = wider.clipped(shape)
@@ -108,7 +107,7 @@ def _flood_tile(dataset: Dataset, value: int | None, item: tuple[Window, Lines])
     return Flooded(PixelMask.of(inside), _border_lines(inside), _border_lines(opened & ~inside))
 
 
-def _border_lines(image: Pixels) -> Lines:
+def _border_lines(image: Bools) -> Lines:
     return image[0].copy(), image[-1].copy(), image[:, 0].copy(), image[:, -1].copy()
 
 
@@ -150,7 +149,7 @@ class _Grid:
         """
         (i, j), rows, cols = place, self.windows[place].rows, self.windows[place].cols
 
-        def line(of: tuple[int, int], side: int, length: int) -> Pixels:
+        def line(of: tuple[int, int], side: int, length: int) -> Bools:
             if of not in self.windows:
                 return np.ones(length, bool)
             return known[of].borders[side] if of in known else np.zeros(length, bool)
@@ -187,7 +186,7 @@ class _Grid:
         )
 
 
-def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def flood(sources: Bools, passable: Bools) -> Bools:
     """Return passable pixels that are connected to a source, and the sources.
 
     Examples
@@ -196,13 +195,11 @@ def flood(sources: NDArray[np.bool_], passable: NDArray[np.bool_]) -> NDArray[np
     >>> flood(np.array([[1, 0, 0, 0]], bool), row)
     array([[ True,  True, False, False]])
     """
-    reached: NDArray[np.bool_] = distances(sources, passable, 1, 0) != UNREACHED
+    reached: Bools = distances(sources, passable, 1, 0) != UNREACHED
     return reached
 
 
-def distances(
-    sources: NDArray[np.bool_], passable: NDArray[np.bool_], reach: int, step: int = 1
-) -> NDArray[np.uint8]:
+def distances(sources: Bools, passable: Bools, reach: int, step: int = 1) -> Uint8s:
     """Return number of steps over passable pixels from the nearest source, up to `reach`; 255 beyond.
 
     With a `step` of 0, those at any distance have 0.

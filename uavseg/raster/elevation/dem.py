@@ -12,9 +12,9 @@ from typing import Any, Literal
 
 import numpy as np
 import rasterio
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError, RasterReadError
 from uavseg.plain_text import cause_of, shown
@@ -155,16 +155,14 @@ class BilinearSampler:
         return self._tiles[key]
 
 
-def _between(position: Floats, count: int) -> tuple[NDArray[np.int64], Floats]:
+def _between(position: Floats, count: int) -> tuple[Integers, Floats]:
     """Return the pixel whose centre comes before each position, and the share of the way to the next one."""
     centre = np.clip(position - 0.5, 0, count - 1)
     before = np.minimum(centre.astype(np.int64), max(count - 2, 0))
     return before, centre - before
 
 
-def _interpolate(
-    tile: Floats, row: NDArray[np.int64], col: NDArray[np.int64], down: Floats, right: Floats
-) -> Floats:
+def _interpolate(tile: Floats, row: Integers, col: Integers, down: Floats, right: Floats) -> Floats:
     below, beside = np.minimum(row + 1, tile.shape[0] - 1), np.minimum(col + 1, tile.shape[1] - 1)
     total = np.zeros(row.shape)
     for i, j, weight in (

@@ -12,7 +12,7 @@ from affine import Affine
 from numpy.typing import NDArray
 from rasterio.windows import Window as FileWindow
 
-from uavseg.arrays import Path_
+from uavseg.arrays import Path_, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.execution.executors import Map, serial, threads_of_gdal, usable_cores
@@ -28,7 +28,6 @@ from uavseg.raster.grid.tiling import Window, tiles
 
 STRIPE = 256  # rows that are written at once, and the side of a block in the file
 
-Labels = NDArray[np.uint32]
 LABEL_TILE_SIDE = 2048  # pixels; independent of the tiles of the processing
 _VRT = """\
 <VRTDataset rasterXSize="{cols}" rasterYSize="{rows}">
@@ -265,7 +264,7 @@ class LabelTile(Protocol):
     @property
     def window(self) -> Window: ...
 
-    def rasterise(self) -> Labels:
+    def rasterise(self) -> Uint32s:
         """Return the labels, (rows, cols) uint32."""
 
 

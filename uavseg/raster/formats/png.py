@@ -6,20 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
-from uavseg.arrays import Path_
+from uavseg.arrays import Bools, Integers, Path_, Uint8s
 from uavseg.errors import OutputError, RasterReadError
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import check_readable_whole, open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
-Bytes = NDArray[np.uint8]
-Opaque = NDArray[np.bool_]
-
 REC601_WEIGHTS = (306, 601, 117)  # of red, green and blue in 1024ths
 
 
-def read_grey(path: Path_) -> tuple[Bytes, Bytes | None]:
+def read_grey(path: Path_) -> tuple[Uint8s, Uint8s | None]:
     """Read an image as 8-bit grey, (rows, cols), and its alpha, 255 where it is opaque, or None.
 
     Samples are scaled to 16 bits, colours become Rec. 601 luminance in integer arithmetic, and the result is
@@ -39,7 +36,7 @@ def read_grey(path: Path_) -> tuple[Bytes, Bytes | None]:
         ) from error
 
 
-def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque | None = None) -> None:
+def write_png(path: Path_, grey: Uint8s, overwrite: bool = False, opaque: Bools | None = None) -> None:
     """Write a (rows, cols) uint8 array as a grey PNG.
 
     Pixels that are not `opaque`, (rows, cols) as well, are transparent. An OutputExistsError or OutputError
@@ -55,17 +52,17 @@ def write_png(path: Path_, grey: Bytes, overwrite: bool = False, opaque: Opaque 
         raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
 
 
-def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Bytes:
+def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Uint8s:
     """Convert samples of 0..maximum to 8 bits, scaled to 16 bits first."""
     table = (_to_16_bits(np.arange(maximum + 1), maximum) // 257).astype(np.uint8)
     return np.asarray(table[np.minimum(samples, maximum)])
 
 
-def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> NDArray[np.int64]:
+def _to_16_bits(samples: NDArray[np.generic], maximum: int) -> Integers:
     return (np.minimum(samples.astype(np.int64), maximum) * 131070 + maximum) // (2 * maximum)
 
 
-def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
+def _grey(file: DatasetReader) -> tuple[Uint8s, Uint8s | None]:
     roles = [role.name for role in file.colorinterp]
     planes = file.read()
     bits = file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8 * np.dtype(file.dtypes[0]).itemsize)
@@ -86,6 +83,6 @@ def _grey(file: DatasetReader) -> tuple[Bytes, Bytes | None]:
     return (grey // 257).astype(np.uint8), opaque
 
 
-def _luminance(quanta: list[NDArray[np.int64]]) -> NDArray[np.int64]:
+def _luminance(quanta: list[Integers]) -> Integers:
     red, green, blue = quanta[:3]
     return (REC601_WEIGHTS[0] * red + REC601_WEIGHTS[1] * green + REC601_WEIGHTS[2] * blue) >> 10

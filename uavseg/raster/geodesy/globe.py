@@ -12,13 +12,13 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from rasterio import Env
 from rasterio.crs import CRS
 from rasterio.errors import CRSError
 from rasterio.warp import transform as gdal_transform
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.plain_text import cause_of, shown
@@ -397,7 +397,7 @@ def split_at_antimeridian(lonlat: Floats) -> list[Floats]:
     return [*parts, np.concatenate([begin, lonlat[last:]])]
 
 
-def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
+def densify_line(vertices: Floats, pieces: Integers) -> Floats:
     """Divide each of the n - 1 edges of a line of n vertices, (n, 2), into some equal pieces, at least 1.
 
     Examples
@@ -410,9 +410,7 @@ def densify_line(vertices: Floats, pieces: NDArray[np.int64]) -> Floats:
     return np.stack([np.interp(steps, ends, axis) for axis in vertices.T], axis=-1)
 
 
-def densify_rings(
-    vertices: Floats, starts: NDArray[np.int64], pieces: NDArray[np.int64]
-) -> tuple[Floats, NDArray[np.int64]]:
+def densify_rings(vertices: Floats, starts: Integers, pieces: Integers) -> tuple[Floats, Integers]:
     """Divide each edge of closed rings into equal pieces, at the same points in both directions.
 
     The last of the vertices (v, 2) of a ring is its first; rings start at `starts` (r + 1,), whose last entry

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rasterio.crs import CRS
 
 from uavseg.arguments import checked
-from uavseg.arrays import Floats
+from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MapError, ParameterError, RasterError
 from uavseg.plain_text import shown
@@ -236,7 +236,7 @@ def check_metres(geobox: GeoBox) -> None:
         raise MapError(f"a robot's map is in metres and this one in {unit}; warp it first (gdalwarp -t_srs)")
 
 
-def pixels_inside(polygons: Iterable[Any], window: Window, touched: bool = False) -> NDArray[np.bool_]:
+def pixels_inside(polygons: Iterable[Any], window: Window, touched: bool = False) -> Bools:
     """Return the mask (rows, cols) of the pixels of a window whose centres lie inside polygons.
 
     With `touched`, of all pixels that these touch. They (shapely) are in pixels as (col, row); the

@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Map, Progress, serial, split_progress
@@ -18,8 +19,6 @@ PANEL = 8192  # columns of a panel
 
 Result = TypeVar("Result")
 NONE, ALL, MIXED = np.uint8(0), np.uint8(1), np.uint8(2)  # codes of blocks
-
-Pixels = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +144,7 @@ def cells_around(cells: NDArray[Any], window: Window, reach: int) -> NDArray[Any
     return around
 
 
-def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
+def sample_positions(start: int, length: int, count: int) -> Integers:
     """Return `count` evenly spaced rows or columns of a range; all of them if `count` is `length`.
 
     Examples
@@ -157,7 +156,7 @@ def sample_positions(start: int, length: int, count: int) -> NDArray[np.int64]:
     return start + positions
 
 
-def indices_within(positions: NDArray[np.int64], start: int, length: int) -> slice:
+def indices_within(positions: Integers, start: int, length: int) -> slice:
     """Return index of the ascending positions that lie in a range of rows or columns."""
     first, end = np.searchsorted(positions, [start, start + length]).tolist()
     return slice(first, end)
@@ -204,12 +203,12 @@ class TilePass:
 class PixelMask:
     """A set of pixels whose memory grows with its outline, not its area; beyond the raster nothing counts."""
 
-    codes: NDArray[np.uint8] = field(repr=False)  # (B, C): no, all or some pixels of a block of 64
-    places: NDArray[np.int64] = field(repr=False)  # (k,): mixed blocks, as ascending indices into `codes`
-    bits: NDArray[np.uint8] = field(repr=False)  # (k, 64, 8): their pixels, eight to a byte
+    codes: Uint8s = field(repr=False)  # (B, C): no, all or some pixels of a block of 64
+    places: Integers = field(repr=False)  # (k,): mixed blocks, as ascending indices into `codes`
+    bits: Uint8s = field(repr=False)  # (k, 64, 8): their pixels, eight to a byte
 
     @classmethod
-    def of(cls, pixels: Pixels) -> "PixelMask":
+    def of(cls, pixels: Bools) -> "PixelMask":
         """Return the set of the pixels that are true in an array.
 
         Examples
@@ -250,7 +249,7 @@ class PixelMask:
         """Return whether all blocks that intersect a window are wholly in the set."""
         return bool((self.codes[window.blocks(BLOCK, BLOCK)] == ALL).all())
 
-    def read(self, window: Window) -> Pixels:
+    def read(self, window: Window) -> Bools:
         """Return which pixels of a window inside the raster are in the set, (rows, cols) bool."""
         here = window.blocks(BLOCK, BLOCK)
         codes = self.codes[here]
@@ -264,14 +263,14 @@ class PixelMask:
         first = Window(window.row % BLOCK, window.col % BLOCK, window.rows, window.cols)
         return whole.reshape(codes.shape[0] * BLOCK, codes.shape[1] * BLOCK)[first.slices]
 
-    def sample(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
+    def sample(self, rows: Integers, cols: Integers) -> Bools:
         """Return which pixels at the crossings of some rows and columns are in the set, (rows, cols) bool."""
         return self.at(*np.broadcast_arrays(rows[:, None], cols))
 
-    def at(self, rows: NDArray[np.int64], cols: NDArray[np.int64]) -> Pixels:
+    def at(self, rows: Integers, cols: Integers) -> Bools:
         """Return which of some pixels are in the set; rows, columns and the result have one shape."""
         codes = self.codes[rows // BLOCK, cols // BLOCK]
-        found: Pixels = codes == ALL
+        found: Bools = codes == ALL
         mixed = codes == MIXED
         row, col = rows[mixed], cols[mixed]
         index = np.searchsorted(self.places, row // BLOCK * self.codes.shape[1] + col // BLOCK)
@@ -280,7 +279,7 @@ class PixelMask:
         return found
 
 
-def _padded(pixels: Pixels, value: bool) -> NDArray[Any]:
+def _padded(pixels: Bools, value: bool) -> NDArray[Any]:
     """Return the pixels as (B, 64, C, 64), with a value beyond their end."""
     shape = whole_blocks(pixels.shape[0]), whole_blocks(pixels.shape[1])
     whole = pixels

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Float32s, Floats, Uint16s
 
 RED, GREEN, BLUE = 0.2126, 0.7152, 0.0722  # weights of luminance, Rec. 709
 
-Grey = NDArray[np.uint16]
 Values = NDArray[Any]
 
 
-def to_grey(values: Values, low: float, high: float) -> Grey:
+def to_grey(values: Values, low: float, high: float) -> Uint16s:
     """Return grey of every pixel, in double precision, with exactly this order of operations.
 
     If low = high, grey is 0 below, 65535 above and 32768 at that intensity. `values` are intensity, (1, rows,
@@ -36,15 +36,15 @@ def to_grey(values: Values, low: float, high: float) -> Grey:
     return grey
 
 
-def luminance(planes: Values) -> NDArray[np.float64]:
+def luminance(planes: Values) -> Floats:
     """Return 0.2126 R + 0.7152 G + 0.0722 B of (3, ...) planes, in double precision, from left to right."""
-    total: NDArray[np.float64] = planes[0] * np.float64(RED)
+    total: Floats = planes[0] * np.float64(RED)
     total += planes[1] * np.float64(GREEN)
     total += planes[2] * np.float64(BLUE)
     return total
 
 
-def luminance_f4(values: Values) -> NDArray[np.float32]:
+def luminance_f4(values: Values) -> Float32s:
     """Return luminance in double precision, rounded to single: (3, rows, cols) becomes (rows, cols)."""
     result = np.empty(values.shape[1:], np.float32)
     planes = np.ascontiguousarray(values).reshape(3, -1)
@@ -58,7 +58,7 @@ def luminance_f4(values: Values) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=16)
-def _lookup_table(low: float, high: float, type_code: str) -> Grey:
+def _lookup_table(low: float, high: float, type_code: str) -> Uint16s:
     """Return lookup table: grey of every value of an integer type of at most 16 bits, by bit pattern."""
     dtype = np.dtype(type_code)
     patterns = np.arange(1 << 8 * dtype.itemsize, dtype=f"u{dtype.itemsize}")

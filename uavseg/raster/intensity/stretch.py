@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Float32s, Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.tiling import TilePass, Window
-from uavseg.raster.intensity.grey import Grey, luminance, luminance_f4, to_grey
+from uavseg.raster.intensity.grey import luminance, luminance_f4, to_grey
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.bands import Valid, Values
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 FORMS = "auto, dtype, minmax, percentile:P,Q, none or LOW,HIGH"
 AUTO_PERCENTILES = (Fraction(2), Fraction(98))
-Counts = NDArray[np.int64]
 
 _HALF = 1 << 16
 _LIMIT = 1 << 30  # greys: what lies farther beyond counts as so far
@@ -36,7 +36,7 @@ def rank_of(percent: Fraction, total: int) -> int:
     return max(-(-percent * total // 100), 1)
 
 
-def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]:
+def bins_of_ranks(counts: Integers, ranks: Iterable[int]) -> list[tuple[int, int]]:
     """Return for each rank the bin that contains it, and the rank within that bin.
 
     Examples
@@ -49,7 +49,7 @@ def bins_of_ranks(counts: Counts, ranks: Iterable[int]) -> list[tuple[int, int]]
     return [(index, rank - int(below[index])) for index, rank in found]
 
 
-def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
+def count_integers(values: Values, valid: Bools | None) -> Integers:
     """Count the values of an integer type of at most 16 bits, smallest value first."""
     size = values.dtype.itemsize
     counts = np.zeros(1 << 8 * size, np.int64)
@@ -58,16 +58,14 @@ def count_integers(values: Values, valid: NDArray[np.bool_] | None) -> Counts:
     return np.roll(counts, len(counts) // 2) if values.dtype.kind == "i" else counts
 
 
-def count_upper_halves(values: NDArray[np.float32], valid: NDArray[np.bool_] | None) -> Counts:
+def count_upper_halves(values: Float32s, valid: Bools | None) -> Integers:
     """Count the upper 16 bits of the sort keys: 32-bit integers in the order of the float values."""
     counts = np.zeros(_HALF, np.int64)
     _add_upper(_bit_patterns(values), _mask_bytes(valid), counts)
     return counts
 
 
-def count_lower_halves(
-    values: NDArray[np.float32], valid: NDArray[np.bool_] | None, uppers: tuple[int, ...]
-) -> Counts:
+def count_lower_halves(values: Float32s, valid: Bools | None, uppers: tuple[int, ...]) -> Integers:
     """Return histograms of the lower 16 bits of the sort keys, (n, 65536), for n upper halves."""
     counts = np.zeros((len(uppers), _HALF), np.int64)
     row_of = np.full(_HALF, -1, np.int64)
@@ -83,11 +81,11 @@ def value_of_key(upper: int, lower: int) -> float:
     return float(np.array(bits, np.uint32).view(np.float32))
 
 
-def _bit_patterns(values: NDArray[np.float32]) -> NDArray[np.uint32]:
+def _bit_patterns(values: Float32s) -> Uint32s:
     return np.ascontiguousarray(values).reshape(-1).view(np.uint32)
 
 
-def _mask_bytes(valid: NDArray[np.bool_] | None) -> NDArray[np.uint8]:
+def _mask_bytes(valid: Bools | None) -> Uint8s:
     """Return the mask for a kernel: empty if all pixels are valid."""
     if valid is None:
         return np.empty(0, np.uint8)
@@ -166,7 +164,7 @@ class Stretch:
         """Whether intensities beyond its ends become those of the ends."""
         return True
 
-    def apply(self, values: Values, valid: Valid | None = None) -> Grey:
+    def apply(self, values: Values, valid: Valid | None = None) -> Uint16s:
         """Return grey of each pixel, 0 where it is invalid.
 
         `values` are intensity, (1, rows, cols), or red, green and blue, (3, rows, cols), whose luminance is
@@ -179,7 +177,7 @@ class Stretch:
             grey *= valid
         return grey
 
-    def colored(self, values: Values, valid: Valid | None = None) -> NDArray[np.uint8]:
+    def colored(self, values: Values, valid: Valid | None = None) -> Uint8s:
         """Return red, green, blue and alpha, (4, rows, cols): three bands each stretched, or one as grey."""
         picture = np.full((4, *values.shape[1:]), 255, np.uint8)
         for band, plane in enumerate(np.broadcast_to(values, (3, *values.shape[1:]))):
@@ -189,7 +187,7 @@ class Stretch:
         return picture
 
 
-def _decide_borders(grey: Grey, values: Values, borders: Sequence[Border]) -> None:
+def _decide_borders(grey: Uint16s, values: Values, borders: Sequence[Border]) -> None:
     """Move pixels by a grey where their grey and their intensity lie on different sides of a bound."""
     flat, pixels = grey.reshape(-1), np.ascontiguousarray(values).reshape(len(values), -1)
     is_near = np.zeros(GREY_LEVELS, bool)
@@ -324,7 +322,7 @@ def counts_exactly(dataset: Dataset) -> bool:
     return single and dataset.dtype.kind in "iu" and dataset.dtype.itemsize <= 2
 
 
-def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
+def _count_upper(dataset: Dataset, window: Window) -> Integers:
     if dataset.is_empty(window):
         return np.zeros(1 << (8 * dataset.dtype.itemsize if counts_exactly(dataset) else 16), np.int64)
     values, valid = dataset.read(window)
@@ -333,23 +331,23 @@ def _count_upper(dataset: Dataset, window: Window) -> NDArray[np.int64]:
     return count_upper_halves(_floats(values), valid)
 
 
-def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> NDArray[np.int64]:
+def _count_lower(dataset: Dataset, uppers: tuple[int, ...], window: Window) -> Integers:
     if dataset.is_empty(window):
         return np.zeros((len(uppers), 1 << 16), np.int64)
     values, valid = dataset.read(window)
     return count_lower_halves(_floats(values), valid, uppers)
 
 
-def _floats(values: Values) -> NDArray[np.float32]:
+def _floats(values: Values) -> Float32s:
     if len(values) == 3:
         return luminance_f4(values)
     with np.errstate(over="ignore", invalid="ignore"):  # what float32 cannot hold is infinite, or NaN
-        floats: NDArray[np.float32] = values[0].astype(np.float32, copy=False)
+        floats: Float32s = values[0].astype(np.float32, copy=False)
     return floats
 
 
 def greys_beyond(
-    values: Values, valid: Valid | None, grey: Grey, stretch: Stretch
+    values: Values, valid: Valid | None, grey: Uint16s, stretch: Stretch
 ) -> NDArray[np.int32] | None:
     """Return by how many greys each valid pixel lies beyond the end of a stretch, negative below it, int32.
 

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.units import GREY_MAX
 
@@ -25,8 +25,6 @@ _APART = 4.0  # standard deviations within two populations, between their means
 _LEAST = 0.001  # of all pixels, in a population
 _FLOOR = 0.1  # of the lower of two modes, above the lowest place between them: the floor of a valley
 _SATURATED = 1 / 32  # of the extent: a tail that reaches an end of v goes on beyond it
-
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +159,7 @@ def least_cross_entropy(counts: ArrayLike) -> tuple[int, int]:
     return int(bins[last]), int(bins[last + 1])
 
 
-def _last_of_darker(values: NDArray[np.float64], weights: NDArray[np.float64]) -> int:
+def _last_of_darker(values: Floats, weights: Floats) -> int:
     """Return the last element of the darker of the two classes."""
     number, total = np.cumsum(weights), np.cumsum(weights * values)
     darker, brighter = total[:-1], total[-1] - total[:-1]
@@ -169,7 +167,7 @@ def _last_of_darker(values: NDArray[np.float64], weights: NDArray[np.float64]) -
     return int((-darker * np.log(means[0]) - brighter * np.log(means[1])).argmin())
 
 
-def population_edges(greys: Counts) -> tuple[float, ...]:
+def population_edges(greys: Integers) -> tuple[float, ...]:
     """Return values of v that part the populations of a histogram, increasing; none where it has one.
 
     An edge lies where the smoothed histogram falls below a third of the modes on both sides of it; their
@@ -209,14 +207,14 @@ def population_edges(greys: Counts) -> tuple[float, ...]:
     return tuple(_edge(first + begin * width, first + end * width) for begin, end in floors)
 
 
-def rarest_population(greys: Counts, edges: Sequence[float]) -> tuple[float, float]:
+def rarest_population(greys: Integers, edges: Sequence[float]) -> tuple[float, float]:
     """Return the range between edges, 0 or 1 that holds the fewest pixels; of equal ones, the brightest."""
     counts = np.add.reduceat(greys, [0, *(math.floor(edge * GREY_MAX) + 1 for edge in edges)])
     rarest = len(edges) - int(np.argmin(counts[::-1]))
     return (0.0, *edges, 1.0)[rarest], (*edges, 1.0)[rarest]
 
 
-def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) -> list[int]:
+def _valleys(bins: Integers, smooth: Floats, begin: int, end: int) -> list[int]:
     """Return numbers of bins below each valley between bins begin..end - 1, the deepest first cut."""
     if end - begin < 2:
         return []
@@ -233,7 +231,7 @@ def _valleys(bins: Counts, smooth: NDArray[np.float64], begin: int, end: int) ->
     return [*_valleys(bins, smooth, begin, cut), cut, *_valleys(bins, smooth, cut, end)]
 
 
-def _separations(bins: Counts, cuts: Sequence[int]) -> NDArray[np.float64]:
+def _separations(bins: Integers, cuts: Sequence[int]) -> Floats:
     """Return distance of the means on both sides of each cut, in their pooled standard deviations."""
     places = np.arange(len(bins), dtype=np.float64)
     classes = np.searchsorted(cuts, places, side="right")
@@ -244,7 +242,7 @@ def _separations(bins: Counts, cuts: Sequence[int]) -> NDArray[np.float64]:
     return np.asarray(np.diff(means) / np.sqrt(np.maximum(pooled, 0) + 1 / 12))
 
 
-def _floor(smooth: NDArray[np.float64], begin: int, cut: int, end: int) -> tuple[int, int]:
+def _floor(smooth: Floats, begin: int, cut: int, end: int) -> tuple[int, int]:
     """Return bins begin..end - 1 that are the floor of the valley at a cut between two populations."""
     lowest = min(smooth[cut - 1], smooth[cut])
     low = smooth <= lowest + _FLOOR * (min(smooth[begin:cut].max(), smooth[cut:end].max()) - lowest)

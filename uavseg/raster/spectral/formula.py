@@ -16,6 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import BandError, ExpressionError, ParameterError
 from uavseg.expressions import ARITHMETIC, Evaluator
@@ -173,7 +174,7 @@ class Expression:
     bands: tuple[int, ...]  # those that it uses, counted from 1, in the order of their first use
     names: tuple[tuple[str, int], ...]  # those that it uses, each with the place of its band in `bands`
 
-    def compute(self, planes: Array, scales: Sequence[tuple[float, float]] = ()) -> NDArray[np.float32]:
+    def compute(self, planes: Array, scales: Sequence[tuple[float, float]] = ()) -> Float32s:
         """Return the value of each pixel, computed in double precision and rounded to single.
 
         `planes` (bands, rows, cols) are those of `bands`, and `scales` what a stored number of each is
@@ -194,7 +195,7 @@ class Expression:
         return _Bands(self.text, {name: bands[k] for name, k in self.names}).evaluate(_parse(self.text))
 
 
-def _in_units(plane: Array, scale: float, offset: float) -> NDArray[np.float64]:
+def _in_units(plane: Array, scale: float, offset: float) -> Floats:
     values = plane.astype(np.float64)
     if (scale, offset) != (1.0, 0.0):
         values *= scale

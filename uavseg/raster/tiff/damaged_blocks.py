@@ -18,11 +18,11 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rasterio.enums import Compression, PhotometricInterp
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.arrays import Bools
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.spectral.bands import Values
@@ -119,7 +119,7 @@ class _Blocks:
 
 
 @lru_cache(maxsize=64)
-def _checked(name: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> NDArray[np.bool_]:
+def _checked(name: str, size: int, mtime_ns: int, shape: tuple[int, int, int]) -> Bools:
     return np.zeros(shape, bool)
 
 

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from rasterio.errors import RasterBlockError
 from rasterio.io import DatasetReader
 
+from uavseg.arrays import Bools
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.inputs import regular_file
@@ -49,7 +50,6 @@ _PLACES, _LENGTHS = (273, 324), (279, 325)  # tags of the places and lengths of 
 _TYPES = {3: "u2", 4: "u4", 16: "u8"}
 _REDUCED, _MASK = 1, 4  # bits of the tag of the kind
 _FAX = {2, 3, 4, 32771}  # compressions: CCITT, ITU-T T.4 and T.6
-Stored = NDArray[np.bool_]
 
 
 def file_of(name: str) -> Path | None:
@@ -247,7 +247,7 @@ def _count_blocks(numbers: dict[int, int]) -> int:
 
 
 @once_for_each_file
-def stored_blocks(path: str, source: DatasetReader) -> Stored | None:
+def stored_blocks(path: str, source: DatasetReader) -> Bools | None:
     """Return which blocks of an open local TIFF are stored.
 
     They are (planes, rows, cols) of blocks: one plane for all bands, or one for each if bands are stored one
@@ -326,7 +326,7 @@ class SparseBlocks:
         except RasterBlockError:
             return False
 
-    def _sample(self, stored: Stored, window: Window, values: Values) -> None:
+    def _sample(self, stored: Bools, window: Window, values: Values) -> None:
         """Put the nearest pixels of stored blocks in their places."""
         rows = sample_positions(window.row, window.rows, values.shape[1])
         cols = sample_positions(window.col, window.cols, values.shape[2])
@@ -352,7 +352,7 @@ class SparseBlocks:
                 return None
         return np.array(fill).astype(dtype) if dtype.kind in "iuf" else None
 
-    def _stored(self, window: Window) -> Stored | None:
+    def _stored(self, window: Window) -> Bools | None:
         """Return which blocks that intersect a window are stored, of any of the bands, (rows, cols)."""
         known = stored_blocks(self.path, self.source)
         if known is None:

@@ -3,10 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Integers
+from uavseg.arrays import Floats, Integers
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.regions.edit.small import Area, region_areas
 from uavseg.regions.outline.rings import LazyLabels, Rasteriser, RegionOutlines, merge_sums, select_sums
@@ -45,9 +44,7 @@ def eliminate(
     return RegionOutlines(link_strips(strips), select_sums(sums, order)), classes[roots][order]
 
 
-def _merged_into(
-    sums: Sums, classes: Integers, areas: NDArray[np.float64], limit: float, labels: LabelRows
-) -> Integers:
+def _merged_into(sums: Sums, classes: Integers, areas: Floats, limit: float, labels: LabelRows) -> Integers:
     """Return the segment that each one has become part of, counted from 0."""
     n = len(areas)
     pairs, shared = border_lengths(labels)

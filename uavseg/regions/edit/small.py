@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox, parse_size
@@ -62,7 +62,7 @@ def drop_small_regions(outlined: RegionOutlines, geobox: GeoBox, min_area: Area 
     return renumber_by_size(rings, outlined.sums, areas[rings.labels - 1] >= min_area.value)
 
 
-def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
+def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> Floats:
     """Return the area of each region, (n,), in the unit of `unit`: square metres or pixels.
 
     Square metres are refused with a ParameterError where there is no CRS.
@@ -72,7 +72,7 @@ def region_areas(outlined: RegionOutlines, geobox: GeoBox, unit: Area) -> NDArra
     return np.asarray(areas[1:], np.float64)
 
 
-def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
+def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> Floats:
     """Return the area of each ring, negative for holes, in the unit of `unit`."""
     if unit.in_pixels:
         return rings.pixel_areas().astype(np.float64)
@@ -84,7 +84,7 @@ def _areas(rings: Rings, geobox: GeoBox, unit: Area) -> NDArray[np.float64]:
     return ring_areas(geobox, rings.vertices, rings.starts)
 
 
-def _parts_inside(rings: Rings, holes: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _parts_inside(rings: Rings, holes: Bools) -> Integers:
     """Return the numbers of the polygons that lie inside some of the holes."""
     corners = rings.vertices[rings.starts[:-1][rings.exteriors]]
     centres = shapely.points(corners[:, ::-1] + 0.5)  # a region's uppermost, then leftmost pixel

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import Path_
+from uavseg.arrays import Path_, Uint32s
 from uavseg.errors import OutputError, ParameterError
 from uavseg.execution.executors import Map, serial
 from uavseg.inputs import read_start
@@ -333,9 +333,7 @@ def write_label_raster(
         geotiff.write_label_geotiff(path, strips, geobox, overwrite, creation=creation)
 
 
-def label_strips(
-    rings: Rings, shape: tuple[int, int], map: Map = serial
-) -> Iterator[tuple[Window, NDArray[np.uint32]]]:
+def label_strips(rings: Rings, shape: tuple[int, int], map: Map = serial) -> Iterator[tuple[Window, Uint32s]]:
     """Rasterise labels in windows of full width, from top to bottom; `shape` is rows and columns."""
     rows, cols = shape
     strip = max((1 << 24) // cols // BLOCK, 1) * BLOCK

@@ -13,8 +13,8 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Float32s, Floats
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import WGS84, define_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
@@ -132,7 +132,7 @@ def _add_layer(base: sqlite3.Connection, regions: Regions, layer: str, srs: int)
     return [*bounds[:, ::2].min(0).tolist(), *bounds[:, 1::2].max(0).tolist()] if len(regions) else [None] * 4
 
 
-def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64]) -> None:
+def _pack_index(base: sqlite3.Connection, index: str, bounds: Floats) -> None:
     """Fill an empty R*Tree of SQLite with full nodes, which takes a tenth of the time of inserts."""
     # Rows are in the order of S. T. Leutenegger, M. A. Lopez and J. Edgington, "STR: a simple and efficient
     # algorithm for R-tree packing" (ICDE 1997). Nodes: "Shadow tables" of https://www.sqlite.org/rtree.html.
@@ -171,7 +171,7 @@ def _pack_index(base: sqlite3.Connection, index: str, bounds: NDArray[np.float64
         cells, first, depth, links = above, first + count, depth + 1, "parent"
 
 
-def _rounded_outward(bounds: NDArray[np.float64]) -> NDArray[np.float32]:
+def _rounded_outward(bounds: Floats) -> Float32s:
     """Round least and greatest values, in turn, to float32 that enclose them."""
     rounded = bounds.astype(np.float32)
     lower = np.where(rounded > bounds, np.nextafter(rounded, np.float32(-np.inf)), rounded)
@@ -181,7 +181,7 @@ def _rounded_outward(bounds: NDArray[np.float64]) -> NDArray[np.float32]:
 
 def _geometries(
     polygons: PolygonArray, part: slice, promote: bool, srs: int
-) -> tuple[list[memoryview], NDArray[np.float64]]:
+) -> tuple[list[memoryview], Floats]:
     """Return polygons as section 2.1.3 has them: header and WKB; and extents (n, 4), as of `_pack_index`."""
     headers = np.empty(part.stop - part.start, _HEADER)
     headers["magic"], headers["version"], headers["flags"], headers["srs"] = b"GP", 0, _HAS_EXTENT, srs

@@ -5,7 +5,6 @@ Points and lines become areas: discs and strips of a width on the ground (buffer
 
 import io
 import math
-import os
 import re
 import warnings
 from collections.abc import Iterator
@@ -18,7 +17,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from uavseg.arrays import GeoDataFrame
+from uavseg.arrays import GeoDataFrame, Integers, Objects, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError, UavsegError
 from uavseg.execution.executors import steps_done
@@ -55,10 +54,7 @@ class Widths:
 
 
 def read_regions(
-    source: str | os.PathLike[str] | bytes,
-    layer: str | None = None,
-    local: bool = False,
-    widths: Widths | None = None,
+    source: Path_ | bytes, layer: str | None = None, local: bool = False, widths: Widths | None = None
 ) -> Regions:
     """Read regions from a file, in WGS 84.
 
@@ -75,7 +71,7 @@ def read_regions(
     return _complete_frame(_read_frame(source, name, layer), name, local, widths)
 
 
-def read_local_regions(source: str | os.PathLike[str], layer: str | None = None) -> Regions:
+def read_local_regions(source: Path_, layer: str | None = None) -> Regions:
     """Read regions in the coordinates of a map without a CRS; errors are those of `read_regions`.
 
     GeoJSON cannot say that it has no CRS: its coordinates are taken for these, and "notes" in the metadata
@@ -127,7 +123,7 @@ def _complete_frame(frame: "GeoDataFrame", name: str, local: bool, widths: Width
     return replace(whole, metadata={"notes": notes}) if notes else whole
 
 
-def _read_frame(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> "GeoDataFrame":
+def _read_frame(source: Path_ | bytes, name: str, layer: str | None) -> "GeoDataFrame":
     import geopandas
 
     if not isinstance(source, bytes) and not file_exists(source):
@@ -169,7 +165,7 @@ def vector_errors(name: str) -> Iterator[None]:
             raise RegionError(f"{name} has a geometry that cannot be read: {cause_of(ValueError(text))}")
 
 
-def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None) -> Any:
+def _layers(source: Path_ | bytes, name: str, layer: str | None) -> Any:
     import pandas
     import pyogrio
 
@@ -189,7 +185,7 @@ def _layers(source: str | os.PathLike[str] | bytes, name: str, layer: str | None
     return frames[0] if len(frames) == 1 else pandas.concat(frames, ignore_index=True)
 
 
-def _layer(source: str | os.PathLike[str] | bytes, name: str, layer: str | None = None) -> Any:
+def _layer(source: Path_ | bytes, name: str, layer: str | None = None) -> Any:
     import geopandas
 
     features = vector_files.check_feature_count(source, name, layer)
@@ -224,7 +220,7 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
     return frame.set_geometry(degrees, crs=frame.crs)
 
 
-def _cut_at_antimeridian(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
+def _cut_at_antimeridian(geometries: Objects, name: str) -> Objects:
     """Split polygons at the antimeridian where longitudes go on past 180, or jump by over half a turn."""
     west, _, east, _ = shapely.bounds(geometries).T
     is_area = np.isin(shapely.get_type_id(geometries), (POLYGON, MULTIPOLYGON))
@@ -248,7 +244,7 @@ def _cut_polygon(polygon: Any, name: str) -> Any:
     return cut_at_antimeridian(rings, jumping=False)
 
 
-def _polygons(geometries: NDArray[np.object_], name: str) -> NDArray[np.object_]:
+def _polygons(geometries: Objects, name: str) -> Objects:
     others = sorted({g.geom_type for g in geometries} - {"Polygon", "MultiPolygon"})
     if others:
         raise RegionError(f"{name} holds {', '.join(others)}; regions are polygons")
@@ -289,7 +285,7 @@ def _numbers(values: NDArray[Any]) -> NDArray[Any]:
         return values
 
 
-def _integers(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
+def _integers(values: NDArray[Any] | None) -> Integers | None:
     """Parse integers from numbers or texts; None if some value is not an integer."""
     if values is None:
         return None
@@ -299,7 +295,7 @@ def _integers(values: NDArray[Any] | None) -> NDArray[np.int64] | None:
     return np.array(texts, dtype=np.int64)
 
 
-def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_], wkt: str | None) -> Regions:
+def _complete(columns: dict[str, NDArray[Any]], polygons: Objects, wkt: str | None) -> Regions:
     ids = _integers(columns.get("id"))
     if ids is None:
         polygons, origin = shapely.get_parts(polygons, return_index=True)
@@ -319,7 +315,7 @@ def _complete(columns: dict[str, NDArray[Any]], polygons: NDArray[np.object_], w
     return Regions(columns, polygons, wkt).select(np.argsort(ids, kind="stable"))
 
 
-def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[Any, Any]:
+def _inner_points(polygons: Objects, lon: Any, lat: Any) -> tuple[Any, Any]:
     """Return the given points where they lie inside their polygons, computed ones elsewhere."""
     if lon is None or lat is None or lon.dtype.kind != "f" or lat.dtype.kind != "f":
         lon = lat = np.full(len(polygons), np.nan)
@@ -331,9 +327,7 @@ def _inner_points(polygons: NDArray[np.object_], lon: Any, lat: Any) -> tuple[An
     return points[:, 0], points[:, 1]
 
 
-def as_areas(
-    geometries: NDArray[np.object_], name: str, widths: Widths
-) -> tuple[NDArray[np.object_], NDArray[np.int64], list[str]]:
+def as_areas(geometries: Objects, name: str, widths: Widths) -> tuple[Objects, Integers, list[str]]:
     """Return areas of geometries in degrees (lon, lat), of which features they are, and notes.
 
     Each point and line is an area of its own, with all that is nearer than half of the width, in the way of

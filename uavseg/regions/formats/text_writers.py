@@ -17,6 +17,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
+from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import MIN_DECIMALS, parse_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
@@ -51,7 +52,7 @@ def degree_words(decimals: int) -> int:
     return 3 if decimals == MIN_DECIMALS else 4
 
 
-def write_degrees(value: NDArray[np.int64], words: Words, decimals: int, after: str = "") -> None:
+def write_degrees(value: Integers, words: Words, decimals: int, after: str = "") -> None:
     """Format integers of the last decimal as degrees.
 
     `value`, (n,) int64, is in units of the last decimal, within -180..180 degrees, or -90..90 degrees if

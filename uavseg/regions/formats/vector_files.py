@@ -17,10 +17,9 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from uavseg.access import current_policy
-from uavseg.arrays import Path_
+from uavseg.arrays import Objects, Path_
 from uavseg.errors import AccessError, MissingLibraryError, RegionError
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.output.staging import default_signals
@@ -199,7 +198,7 @@ def check_count(count: int, features: int, name: str) -> None:
         raise RegionError(f"{name} claims {features:,} features, and {count:,} can be read; it is damaged")
 
 
-def check_geometries(geometries: NDArray[np.object_], name: str) -> None:
+def check_geometries(geometries: Objects, name: str) -> None:
     """Refuse features without a geometry (None), or with an empty one, with a RegionError about `name`."""
     missing = np.flatnonzero(shapely.is_missing(geometries) | shapely.is_empty(geometries))
     if len(missing) == len(geometries):

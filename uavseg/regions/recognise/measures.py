@@ -6,11 +6,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Objects
 from uavseg.raster.geodesy.globe import WGS84, geod_wgs84
 from uavseg.raster.grid.geobox import pixels_inside
 from uavseg.raster.grid.tiling import Window
-from uavseg.regions.shapes import Objects
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84 import to_wgs84
 from uavseg.segmentation.blocks.lbp import CONTRAST_BINS, UNCOUNTED, lbp_symbols

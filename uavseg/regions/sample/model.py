@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Floats, Integers, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.execution.executors import Map
@@ -43,7 +44,7 @@ class Sample:
         excess = math.floor(-2 * g_scores.SCORE_UNITS * math.log(similarity))
         return min(self.own + excess, g_scores.MAX_SCORE - 1)
 
-    def similarity(self, score: NDArray[np.float64]) -> NDArray[np.float64]:
+    def similarity(self, score: Floats) -> Floats:
         """Return the similarity to the sample from 0 to 1, for mean scores of windows or regions.
 
         Half of G is a log-likelihood ratio. So this is the likelihood ratio per pixel of one texture for both
@@ -98,12 +99,7 @@ def fit_sample(
 
 
 def fit_weights(
-    source: GreySource,
-    bin_edges: NDArray[np.int32],
-    place: SampleMask,
-    whole: NDArray[np.int64],
-    side: int,
-    map: Map,
+    source: GreySource, bin_edges: NDArray[np.int32], place: SampleMask, whole: Integers, side: int, map: Map
 ) -> SampleWeights:
     """Fit log-likelihood-ratio weights of symbols, sample against background (the whole raster).
 
@@ -124,7 +120,7 @@ def symbol_pair(tile: GreyTile, bin_edges: NDArray[np.int32]) -> SymbolPair:
 
 
 def _fit_sample_weights(
-    source: GreySource, bin_edges: NDArray[np.int32], whole: NDArray[np.int64], side: int, place: SampleMask
+    source: GreySource, bin_edges: NDArray[np.int32], whole: Integers, side: int, place: SampleMask
 ) -> SampleWeights:
     tile = source.read(place.window, COARSE_HALO)
     return SampleWeights.of(_sample_symbols(tile, bin_edges, place), whole, side)
@@ -152,7 +148,7 @@ def _radius(source: GreySource, pixels: int) -> str:
 
 def _measure_sample(
     source: GreySource, bin_edges: NDArray[np.int32], side: int, place: SampleMask
-) -> tuple[g_scores.TextureModel, NDArray[np.uint16], NDArray[np.uint64]]:
+) -> tuple[g_scores.TextureModel, Uint16s, NDArray[np.uint64]]:
     """Measure a sample: texture model, scores of its windows, and count, sum and sum of squares of grey."""
     tile = source.read(place.window, COARSE_HALO)
     names, coarse = _sample_symbols(tile, bin_edges, place)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers, Objects, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RegionError, SampleError
 from uavseg.raster.geodesy.globe import geod_of, is_geographic, transform_between, wrap_lon
@@ -71,19 +71,19 @@ class SampleMask:
     """
 
     window: Window
-    bits: NDArray[np.uint8]
+    bits: Uint8s
 
     @property
-    def mask(self) -> NDArray[np.bool_]:
+    def mask(self) -> Bools:
         """Pixels of the sample, (rows, cols)."""
         return np.unpackbits(self.bits, axis=1, count=self.window.cols).view(bool)
 
-    def part(self, window: Window) -> NDArray[np.bool_]:
+    def part(self, window: Window) -> Bools:
         """Return the mask of a window within the bounding box."""
         row, col = window.row - self.window.row, window.col - self.window.col
         return self.mask[row : row + window.rows, col : col + window.cols]
 
-    def cell_counts(self) -> NDArray[np.int64]:
+    def cell_counts(self) -> Integers:
         """Return the number of pixels of the sample in each cell of the bounding box."""
         mask = self.mask
         rows, cols = (-(-length // CELL) for length in mask.shape)
@@ -144,7 +144,7 @@ def _class_name(value: object) -> str | None:
     return str(value).strip() or None
 
 
-def _mask(on_grid: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask:
+def _mask(on_grid: Objects, geobox: GeoBox, name: str) -> SampleMask:
     with changing_filters():  # shapely changes them itself
         bounds = shapely.total_bounds(on_grid)
     if not np.isfinite(bounds).all():
@@ -160,7 +160,7 @@ def _mask(on_grid: NDArray[np.object_], geobox: GeoBox, name: str) -> SampleMask
     return SampleMask(window, np.packbits(pixels_inside(on_grid, window), axis=1))
 
 
-def disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
+def disc_polygon(disc: Disc, geobox: GeoBox) -> Objects:
     """Return a disc as a polygon in map coordinates, (1,); geodesic if they are degrees."""
     angles = np.linspace(0, 360, _CORNERS, endpoint=False)
     wkt = geobox.wkt
@@ -176,7 +176,7 @@ def disc_polygon(disc: Disc, geobox: GeoBox) -> NDArray[np.object_]:
     return np.array([shapely.Polygon(np.stack([x, y], axis=1))], object)
 
 
-def _read_polygons(name: str, geobox: GeoBox) -> tuple[Regions, NDArray[np.object_]]:
+def _read_polygons(name: str, geobox: GeoBox) -> tuple[Regions, Objects]:
     """Read regions, and their polygons in the pixels of a raster."""
     if geobox.wkt is None:
         raise SampleError(
@@ -187,9 +187,7 @@ def _read_polygons(name: str, geobox: GeoBox) -> tuple[Regions, NDArray[np.objec
     return regions, to_pixels(np.asarray(regions.polygons), geobox, regions.wkt)
 
 
-def polygons_on(
-    geobox: GeoBox, source: Any, layer: str | None = None
-) -> tuple[NDArray[np.object_], list[str]]:
+def polygons_on(geobox: GeoBox, source: Any, layer: str | None = None) -> tuple[Objects, list[str]]:
     """Read polygons from a file (a layer of it) or a GeoDataFrame, in pixels of a grid, with notes.
 
     On a grid without a CRS they have its coordinates. A RegionError says that they cannot be read, or that
@@ -210,7 +208,7 @@ def polygons_on(
     return polygons, list(regions.metadata.get("notes", []))
 
 
-def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = None) -> NDArray[np.object_]:
+def to_pixels(polygons: Objects, geobox: GeoBox, wkt: str | None = None) -> Objects:
     """Return polygons, of the raster's CRS or another, in pixel coordinates (col, row)."""
     if wkt is not None:
         polygons = shapely.transform(polygons, transform_between(wkt, geobox.wkt), interleaved=False)
@@ -222,7 +220,7 @@ def to_pixels(polygons: NDArray[np.object_], geobox: GeoBox, wkt: str | None = N
     return np.asarray(shapely.transform(polygons, pixels, interleaved=False))
 
 
-def bounding_cells(bounds: NDArray[np.float64], shape: tuple[int, int]) -> Window:
+def bounding_cells(bounds: Floats, shape: tuple[int, int]) -> Window:
     """Return the window of the cells that bounds (col, row, col, row) intersect, clipped to the raster."""
     limit = np.array([shape[1], shape[0]])
     first = np.clip(np.floor(bounds[:2]), 0, limit).astype(int) // CELL * CELL

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from uavseg.arrays import Integers
+from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.execution.executors import LazySequence
@@ -25,8 +25,6 @@ from uavseg.segmentation.sample.pixel_decision import ColorPlane, best_mean_weig
 from uavseg.segmentation.source import GreySource
 from uavseg.units import CELL
 
-Counts = NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class ColorBand:
@@ -38,7 +36,7 @@ class ColorBand:
 
     source: GreySource
     bounds: g_scores.GreyBounds
-    counts: Counts
+    counts: Integers
 
 
 def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: float) -> tuple[ColorBand, ...]:
@@ -58,9 +56,7 @@ def fit_colors(sources: Sequence[GreySource], place: SampleMask, deviations: flo
     return tuple(colors)
 
 
-def limit_scores(
-    colors: Sequence[ColorBand], scores: NDArray[np.uint16], window: Window, side: int
-) -> NDArray[np.uint16]:
+def limit_scores(colors: Sequence[ColorBand], scores: Uint16s, window: Window, side: int) -> Uint16s:
     """Set scores of windows around a tile to the maximum where the mean of a band is out of bounds.
 
     The scores are those of `window_scores`, of the tile at `window` with a halo of ``side - 1`` cells.
@@ -74,12 +70,12 @@ def limit_scores(
     return scores
 
 
-def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Counts:
+def _cell_sums(pixels: NDArray[np.integer[Any]]) -> Integers:
     rows, cols = (length // CELL for length in pixels.shape)
     return np.asarray(pixels.reshape(rows, CELL, cols, CELL).sum(axis=(1, 3), dtype=np.int64))
 
 
-def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.bool_]) -> Counts:
+def count_colors(colors: Sequence[ColorBand], window: Window, cells: Bools) -> Integers:
     """Return histograms of the chosen cells of the tile at `window` in each band, (bands, 64) int64."""
     counts = np.zeros((len(colors), g_scores.GREY_BINS), np.int64)
     chosen = cells.repeat(CELL, 0).repeat(CELL, 1)
@@ -90,7 +86,7 @@ def count_colors(colors: Sequence[ColorBand], window: Window, cells: NDArray[np.
 
 
 def color_planes(
-    colors: Sequence[ColorBand], rest: Counts, window: Window, margin: int
+    colors: Sequence[ColorBand], rest: Integers, window: Window, margin: int
 ) -> tuple[ColorPlane, ...]:
     """Read the bands of a tile with a margin in pixels, each with its weights of the sample against the rest.
 
@@ -119,7 +115,7 @@ class Criterion:
 class CellScores:
     """Best scores of the cells of a raster, and texture models of unlike cells and of all cells."""
 
-    best: NDArray[np.uint16]  # (8 B, 8 C): see `g_scores.best_scores`
+    best: Uint16s  # (8 B, 8 C): see `g_scores.best_scores`
     # Of the cells with a score that is too large; not of all that `reject_unlike` rejects.
     rest: g_scores.TextureModel
     whole: Integers  # (2, 2048) int64: count of each symbol in the raster, at both scales
@@ -143,7 +139,7 @@ def score_cells(source: GreySource, criterion: Criterion, tile_pass: TilePass) -
 
 def _score_tile(
     source: GreySource, criterion: Criterion, window: Window
-) -> tuple[NDArray[np.uint16], g_scores.TextureModel, Integers, Integers] | None:
+) -> tuple[Uint16s, g_scores.TextureModel, Integers, Integers] | None:
     """Return the parts of `CellScores` of a tile; None for an empty one."""
     halo, side = CELL * (criterion.side - 1), criterion.side
     if source.dataset.is_empty(window):
@@ -189,12 +185,8 @@ def reject_unlike(
 
 
 def _reject_tile(
-    source: GreySource,
-    criterion: Criterion,
-    weights: Integers,
-    minimum: int,
-    job: tuple[Window, NDArray[np.uint8]],
-) -> tuple[NDArray[np.bool_], g_scores.TextureModel, Integers]:
+    source: GreySource, criterion: Criterion, weights: Integers, minimum: int, job: tuple[Window, Uint8s]
+) -> tuple[Bools, g_scores.TextureModel, Integers]:
     """Return the rejected cells of a tile, and histograms of those off boundaries, beside no kept one."""
     window, around = job  # cells of the tile, and one more on every side
     halo = CELL * criterion.side
@@ -210,9 +202,7 @@ def _reject_tile(
     return rejected, model, count_colors(criterion.colors, window, unlike)
 
 
-def mean_scores(
-    outlined: RegionOutlines, best: NDArray[np.uint16], tile_pass: TilePass
-) -> NDArray[np.float64]:
+def mean_scores(outlined: RegionOutlines, best: Uint16s, tile_pass: TilePass) -> Floats:
     """Compute the mean score of the pixels of each region, (n,); NaN for a region without scored cells.
 
     `best`, (8 B, 8 C), are the scores of cells.
@@ -228,7 +218,7 @@ def mean_scores(
     return means
 
 
-def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, Integers, Integers]:
+def _sum_scores(job: tuple[EdgeTable, Uint16s]) -> tuple[Integers, Integers, Integers]:
     """Return the labels in a tile, and the sum of scores and the number of scored pixels of each."""
     edges, best = job
     labels = edges.rasterise()
@@ -241,7 +231,7 @@ def _sum_scores(job: tuple[EdgeTable, NDArray[np.uint16]]) -> tuple[Integers, In
     return names, sums[names], counts[names]
 
 
-def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> NDArray[np.bool_]:
+def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> Bools:
     """Return which cells of a raster have all their pixels in regions, (8 B, 8 C); none that exceeds it."""
     inner = np.zeros(BlockMap.empty(shape).counts.shape, bool)
     tiles = tile_pass.run(_whole_cells, edge_tables(rings, tile_pass.windows))
@@ -250,7 +240,7 @@ def inner_cells(rings: Rings, shape: tuple[int, int], tile_pass: TilePass) -> ND
     return inner
 
 
-def _whole_cells(table: EdgeTable) -> NDArray[np.bool_]:
+def _whole_cells(table: EdgeTable) -> Bools:
     labels = table.rasterise()
     rows, cols = (length // CELL for length in labels.shape)
     inside = labels[: rows * CELL, : cols * CELL].reshape(rows, CELL, cols, CELL) > 0

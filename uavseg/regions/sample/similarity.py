@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import SampleError
 from uavseg.raster.geodesy.globe import is_geographic
@@ -87,12 +88,12 @@ class BlurredBands:
         """Return the bands and axes: no result depends on the cache."""
         return self.bands, self.axes
 
-    def read(self, window: Window, margin: int) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
+    def read(self, window: Window, margin: int) -> tuple[list[Uint16s], Uint8s]:
         """Read blurred bands of a window, and where all are valid; do not change the arrays."""
         if getattr(self._last, "place", None) != (window, margin):
             self._last.tile = _read_blurred(self.bands, window, margin, self.axes)
             self._last.place = window, margin
-        tile: tuple[list[NDArray[np.uint16]], NDArray[np.uint8]] = self._last.tile
+        tile: tuple[list[Uint16s], Uint8s] = self._last.tile
         return tile
 
 
@@ -100,9 +101,9 @@ class BlurredBands:
 class SampledColors:
     """Blurred colours, each (n, bands): `points` all over a raster, a sample, and samples of other areas."""
 
-    points: NDArray[np.uint16]
-    sample: NDArray[np.uint16]
-    unlike: NDArray[np.uint16] | None
+    points: Uint16s
+    sample: Uint16s
+    unlike: Uint16s | None
 
     def table(self, finer: bool = False) -> SimilarityTable:
         """Fit the model of the samples, or one of finer kinds, against the whole raster as background."""
@@ -122,7 +123,7 @@ def sample_colors(
     tile_pass: TilePass,
     unlike: Sequence[SampleMask] = (),
     name: str = "the sample",
-    spread: NDArray[np.uint16] | None = None,
+    spread: Uint16s | None = None,
 ) -> SampledColors:
     """Collect colours of samples, and of pixels all over the raster.
 
@@ -143,12 +144,12 @@ def sample_colors(
     return SampledColors(np.concatenate([spread, sample[:1]]), sample, others)
 
 
-def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> NDArray[np.uint16]:
+def spread_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> Uint16s:
     """Return colours of pixels in small windows that are spread evenly over a raster: (n, bands) uint16."""
     return np.concatenate(window_colors(bands, tile_pass))
 
 
-def window_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> list[NDArray[np.uint16]]:
+def window_colors(bands: Sequence[GreySource], tile_pass: TilePass) -> list[Uint16s]:
     """Return colours of pixels in each of the windows of `spread_colors`."""
     return _spread(partial(_colors, bands), _stack_of(bands) or bands[0].dataset, tile_pass)
 
@@ -172,7 +173,7 @@ def _spread(
     return [found[k] for k in range(len(windows))]
 
 
-def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
+def _values(dataset: Dataset, window: Window) -> Floats:
     """Return stored values of every fourth pixel of a window in every fourth row: (n, bands)."""
     values, valid = dataset.read(window)
     chosen = np.s_[_STEP // 2 :: _STEP, _STEP // 2 :: _STEP]
@@ -182,7 +183,7 @@ def _values(dataset: Dataset, window: Window) -> NDArray[np.float64]:
 
 def _colors_of(
     tile_pass: TilePass, bands: Sequence[GreySource], places: Sequence[SampleMask], name: str
-) -> NDArray[np.uint16]:
+) -> Uint16s:
     colors = np.concatenate(list(tile_pass.run(partial(_sample_colors, bands), places)))
     if len(colors) == 0:
         raise SampleError(f"{name} has no valid pixel; it probably lies on nodata")
@@ -195,7 +196,7 @@ def _colors_of(
     return colors
 
 
-def _colors(bands: Sequence[GreySource], window: Window) -> NDArray[np.uint16]:
+def _colors(bands: Sequence[GreySource], window: Window) -> Uint16s:
     """Return blurred colours of every fourth pixel of a window in every fourth row: (n, bands)."""
     if bands[0].dataset.is_empty(window):
         return np.empty((0, len(bands)), np.uint16)
@@ -205,7 +206,7 @@ def _colors(bands: Sequence[GreySource], window: Window) -> NDArray[np.uint16]:
     return np.stack([plane[chosen & (valid != 0)] for plane in planes], 1)
 
 
-def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> NDArray[np.uint16]:
+def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> Uint16s:
     """Return blurred colours of the pixels of a sample: (m, bands)."""
     planes, valid = _read_blurred(bands, place.window, 0)
     chosen = valid != 0
@@ -217,7 +218,7 @@ def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> NDArray[np
 
 def _read_blurred(
     bands: Sequence[GreySource], window: Window, margin: int, axes: Axes | None = None
-) -> tuple[list[NDArray[np.uint16]], NDArray[np.uint8]]:
+) -> tuple[list[Uint16s], Uint8s]:
     """Read blurred bands, or sums of them, of a window with a margin, and where all bands are valid."""
     inner = np.s_[BLUR_HALO:-BLUR_HALO, BLUR_HALO:-BLUR_HALO]
     stack, grown = _stack_of(bands), window.grown(margin + BLUR_HALO)
@@ -300,7 +301,7 @@ def _radii(geobox: GeoBox, samples: Sequence[SampleMask]) -> list[tuple[float, f
 
 def place_to_ask(
     bands: Sequence[GreySource],
-    colors: Sequence[NDArray[np.uint16]],
+    colors: Sequence[Uint16s],
     samples: Sequence[SampleMask],
     unlike: Sequence[SampleMask],
     skipped: Sequence[SampleMask],
@@ -340,7 +341,7 @@ def place_to_ask(
     return None
 
 
-def _nearness(colors: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+def _nearness(colors: Floats, others: Floats) -> Floats:
     """Return how near (n, bands) colours are to (m, bands) others, 1 where they are equal: (n, m)."""
     squares = sum(np.subtract.outer(one, other) ** 2 for one, other in zip(colors.T, others.T, strict=True))
     return np.asarray(np.exp(-squares / (2 * _NEAR**2 * colors.shape[1])))
@@ -366,7 +367,7 @@ def _mask_apart(disc: Disc, geobox: GeoBox, samples: Sequence[SampleMask]) -> Sa
     return place if is_large and not any(map(place.meets, samples)) else None
 
 
-def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> NDArray[np.bool_]:
+def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: float) -> Bools:
     """Return the cells within a gap of samples: (m, n) bool."""
     from scipy.ndimage import binary_dilation
 
@@ -381,7 +382,7 @@ def _cells_near(samples: Sequence[SampleMask], shape: tuple[int, ...], gap: floa
     return taken
 
 
-def _disc_cells(widths: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _disc_cells(widths: Integers) -> Bools:
     """Return the cells that a disc touches, from its half-widths."""
     side = int(widths.max())
     return np.asarray(np.abs(np.arange(-side, side + 1)) <= widths[:, None])
@@ -410,7 +411,7 @@ def _disc(geobox: GeoBox, row: int, col: int, reach: float) -> Disc:
     return Disc(round(x, digits), round(y, digits), rounded_down)
 
 
-def half_widths(radius: float) -> NDArray[np.int64]:
+def half_widths(radius: float) -> Integers:
     """Return how far a disc around the middle of a cell reaches in each row of cells, from -k to k.
 
     The radius is in pixels, the (2 k + 1,) half-widths in cells.
@@ -427,13 +428,8 @@ def half_widths(radius: float) -> NDArray[np.int64]:
 
 
 def most_uncertain_cells(
-    sums: NDArray[np.uint32],
-    counts: NDArray[np.uint8],
-    taken: NDArray[np.bool_],
-    radius: float,
-    count: int,
-    minimum: float,
-) -> NDArray[np.int64]:
+    sums: Uint32s, counts: Uint8s, taken: Bools, radius: float, count: int, minimum: float
+) -> Integers:
     """Return the cells around which a disc of valid pixels is most uncertain, in descending order: (k, 2).
 
     The uncertainty of a cell is 1 where its mean similarity is one half, and 0 where that is 0 or 1; that of
@@ -457,9 +453,7 @@ def most_uncertain_cells(
     return cells
 
 
-def _strips(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], taken: NDArray[np.bool_], disc: NDArray[np.bool_]
-) -> Iterator[tuple[int, NDArray[np.int64]]]:
+def _strips(sums: Uint32s, counts: Uint8s, taken: Bools, disc: Bools) -> Iterator[tuple[int, Integers]]:
     """Yield the first row of each strip, and the score of a disc around each of its cells."""
     from scipy.ndimage import correlate
 

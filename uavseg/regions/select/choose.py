@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Bools
 from uavseg.errors import RegionError
 from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Tristate
 from uavseg.plain_text import first_of
@@ -53,7 +54,7 @@ def select_regions(
     return regions.select(np.flatnonzero(kept))
 
 
-def of_classes(regions: Regions, names: Sequence[str]) -> NDArray[np.bool_]:
+def of_classes(regions: Regions, names: Sequence[str]) -> Bools:
     """Return the mask of the regions that are of some classes, by their column `class`.
 
     A RegionError says that no class is named, there is no such column, or no region of one of the classes.
@@ -80,7 +81,7 @@ def _listed(ids: Sequence[int]) -> str:
     return shown if len(ids) <= MAX_LISTED else f"{shown}, ... {ids[-1]} ({len(ids)} in all)"
 
 
-def where(columns: Mapping[str, NDArray[Any]], condition: str) -> NDArray[np.bool_]:
+def where(columns: Mapping[str, NDArray[Any]], condition: str) -> Bools:
     """Return the mask of the regions that fulfil a condition; not where a missing number leaves it unknown.
 
     The condition may hold names of columns, numbers, texts in quotes, comparisons, `and`, `or`, `not`,

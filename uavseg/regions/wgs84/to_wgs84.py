@@ -18,9 +18,8 @@ from typing import Any
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import OutputError, RasterError
 from uavseg.raster.geodesy import globe
@@ -28,8 +27,6 @@ from uavseg.regions import shapes
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
 
-Objects = NDArray[np.object_]
-Flags = NDArray[np.bool_]
 _AT_POLE = 90 * (1 - 1e-11)
 _MAX_TURNS = 16  # around the Earth, by one region
 _MAX_ADDED = 10_000_000  # vertices that may be added to the edges of a batch
@@ -169,7 +166,7 @@ def _batch(polygons: Objects, pixel: float, decimals: int, reprojection: _Reproj
     return Wgs84Batch(polygons=kept.without(broken), decimals=decimals, others=others)
 
 
-def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
+def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Bools]:
     """Shift regions by whole turns into -180..180, and mask those that cross the antimeridian."""
     starts = flat.rings[flat.polygons[flat.regions]]
     lon = flat.vertices[:, 0]
@@ -180,7 +177,7 @@ def _shift_turns(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Fla
     return replace(flat, vertices=np.stack([lon, flat.vertices[:, 1]], axis=1)), crossing
 
 
-def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Flags]:
+def _find_jumps(flat: RaggedPolygons, degree: int) -> tuple[RaggedPolygons, Bools]:
     """Return regions unchanged, and a mask of those whose longitudes jump or that have a vertex at a pole."""
     jumps = np.abs(np.diff(flat.vertices[:, 0])) > 180 * degree
     jumps[flat.rings[1:-1] - 1] = False

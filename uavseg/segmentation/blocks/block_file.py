@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -55,7 +54,7 @@ class Origin:
     bounds: tuple[float, float, float, float] | None = None  # west, south, east and north of what was read
     aoi: str | None = None  # file of the polygons in which pixels were read
 
-    def find_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+    def find_rasters(self, beside: Path_) -> list[str] | None:
         """Return the paths of the rasters, in their folder or beside the block map; None if any is gone.
 
         The last is that of the area of interest, if there is one.
@@ -67,7 +66,7 @@ class Origin:
                 return paths
         return None
 
-    def allowed_rasters(self, beside: str | os.PathLike[str]) -> list[str] | None:
+    def allowed_rasters(self, beside: Path_) -> list[str] | None:
         """Return the paths of `find_rasters`; raise AccessError if the access policy forbids one of them."""
         paths = self.find_rasters(beside)
         for path in paths or ():
@@ -255,7 +254,7 @@ def is_block_map(file: "DatasetReader") -> bool:
     return _TAG in file.tags()
 
 
-def rasters_of(path: str | os.PathLike[str], tags: Mapping[str, str]) -> list[str]:
+def rasters_of(path: Path_, tags: Mapping[str, str]) -> list[str]:
     """Return the paths of the rasters that a block map of these tags was made from; none for other files."""
     if _TAG not in tags:
         return []
@@ -267,13 +266,13 @@ def rasters_of(path: str | os.PathLike[str], tags: Mapping[str, str]) -> list[st
         return []  # the error is reported when the file is opened
 
 
-def check_block_map_name(path: str | os.PathLike[str]) -> None:
+def check_block_map_name(path: Path_) -> None:
     """Refuse a file name that a block map cannot have, with OutputError, before the work starts."""
     check_geotiff_name(path, "a block map")
 
 
 def write_block_map(
-    path: str | os.PathLike[str],
+    path: Path_,
     saved: SavedBlocks,
     division: DivisionParams,
     overwrite: bool = False,
@@ -308,7 +307,7 @@ def _crop(band: NDArray[Any], cells: GeoBox) -> NDArray[Any]:
     return band[: cells.shape[0], : cells.shape[1]]
 
 
-def read_block_map(path: str | os.PathLike[str]) -> SavedBlocks:
+def read_block_map(path: Path_) -> SavedBlocks:
     """Read a block map from its GeoTIFF; raise RasterReadError or RasterError if it is not one."""
     _, cells, _, tags = read_geotiff(path)
     try:

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import LazySequence
 from uavseg.raster.grid.tiling import TilePass, Window, tile_side, tiles, whole_blocks, window_cells
@@ -47,7 +48,7 @@ class ClassifiedStates:
     """States of a raster's pixels, with counts by state and by the state of their value."""
 
     image: StateImage
-    codes: NDArray[np.int64]  # (16,): numbers of pixels by code, see `state_scans`
+    codes: Integers  # (16,): numbers of pixels by code, see `state_scans`
     thin: ThinObstacles  # restored or lost
     noise: float  # standard deviation of the noise of v
     trinary: bool  # free, unknown and occupied pixels have one value each
@@ -77,7 +78,7 @@ class ClassifiedStates:
 
 def classify_states(
     source: GreySource,
-    cells: NDArray[np.uint8],
+    cells: Uint8s,
     limits: StateLimits,
     refine: StateRefinement,
     tile_pass: TilePass,
@@ -176,7 +177,7 @@ def state_strips(
     return [windows[k : k + across] for k in range(0, len(windows), across)]
 
 
-def _scan(image: StateImage, strips: Sequence[tuple[int, int]]) -> NDArray[np.int64]:
+def _scan(image: StateImage, strips: Sequence[tuple[int, int]]) -> Integers:
     """Run the passes after the first over strips (first row, rows); return the number of pixels by code."""
     previous = np.zeros(image.cols, np.uint8)
     for row, rows in strips:
@@ -206,7 +207,7 @@ _Job = tuple[Window, NDArray[np.uint8]]  # a tile and the states of its cells
 class _EncodedTile:
     """Codes of a tile's whole blocks, packed, and the statistics of its values."""
 
-    pairs: NDArray[np.uint8]
+    pairs: Uint8s
     statistics: obstacle_evidence.ValueStatistics
 
 
@@ -237,7 +238,7 @@ def _encode_by_value(source: GreySource, limits: StateLimits, window: Window) ->
 
 
 @lru_cache(maxsize=8)
-def _state_table(limits: StateLimits) -> NDArray[np.uint8]:
+def _state_table(limits: StateLimits) -> Uint8s:
     return limits.table
 
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from uavseg.arrays import Uint8s
 from uavseg.errors import OutputError
 from uavseg.raster.grid.tiling import Window, whole_blocks
 from uavseg.segmentation.states.state_scans import Codes, decode_states
@@ -55,26 +55,26 @@ class StateImage:
             unpack_codes(pairs, codes[first - row : last - row])
         return codes
 
-    def read(self, window: Window | None = None) -> NDArray[np.uint8]:
+    def read(self, window: Window | None = None) -> Uint8s:
         """Read the states of a window, or of the whole raster: 0 invalid, 1 free, 2 unknown, 3 occupied."""
         part = Window(0, 0, *self.shape) if window is None else window
         codes = self.read_codes(part.row, part.rows)
         return np.ascontiguousarray(decode_states(codes[:, part.col : part.col + part.cols]))
 
-    def strips(self, rows: int = 256) -> Iterator[tuple[Window, NDArray[np.uint8]]]:
+    def strips(self, rows: int = 256) -> Iterator[tuple[Window, Uint8s]]:
         """Yield windows of whole rows from the top, with their states."""
         for row in range(0, self.shape[0], rows):
             window = Window(row, 0, rows, self.shape[1]).clipped(self.shape)
             yield window, self.read(window)
 
 
-def pack_codes(codes: Codes) -> NDArray[np.uint8]:
+def pack_codes(codes: Codes) -> Uint8s:
     """Pack codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
     half = codes.shape[1] // 2
     return codes[:, :half] | codes[:, half:] << _HALF_BYTE
 
 
-def unpack_codes(pairs: NDArray[np.uint8], codes: Codes) -> None:
+def unpack_codes(pairs: Uint8s, codes: Codes) -> None:
     """Unpack (rows, cols / 2) pairs into a (rows, cols) array, the inverse of `pack_codes`."""
     half = pairs.shape[1]
     np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])

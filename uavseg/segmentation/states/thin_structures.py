@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Bools
+from uavseg.arrays import Bools, Integers, Uint8s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
 from uavseg.segmentation.components import WORD, label_components, union_roots
@@ -101,7 +101,7 @@ def _restore(
     return {FREE: int(restored[FREE]), UNKNOWN: int(restored[UNKNOWN])}
 
 
-def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[NDArray[np.uint32], Bools], Bools]:
+def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[Uint32s, Bools], Bools]:
     """Label a chunk; return labels with whether each is chosen, and the choices of later chunks."""
     labels, count = label_components(mask, diagonally=True)
     return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
@@ -109,7 +109,7 @@ def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[NDArray[np.uint32], Bools]
 
 def _read_chunks(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
-) -> Iterator[tuple[int, Codes, NDArray[np.uint8]]]:
+) -> Iterator[tuple[int, Codes, Uint8s]]:
     """Yield the first row of each chunk, its codes and its evidence, with one more row above and below."""
     at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
     border = np.zeros((1, image.cols), np.uint8)
@@ -124,7 +124,7 @@ def _read_chunks(
 
 def _read_evidence(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
-) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+) -> Iterator[tuple[int, Uint8s]]:
     """Yield the first row of each strip and the evidence of its pixels; 0 in tiles without candidates."""
     strips = [list(strip) for _, strip in groupby(tile_pass.windows, key=lambda window: window.row)]
     trinary = rule.min_cells == 1  # evidence is the same everywhere
@@ -148,7 +148,7 @@ def _tiles_with_candidates(image: StateImage, strip: Sequence[Window]) -> list[W
     return [tile for tile in strip if columns[max(tile.col - 1, 0) : tile.col + tile.cols + 1].any()]
 
 
-def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> NDArray[np.uint8]:
+def _evidence_of_tile(source: GreySource, rule: EvidenceRule, window: Window) -> Uint8s:
     """Return the evidence of a tile's pixels; 0 where they are invalid, as their grey is."""
     return rule.codes[source.read(window, 0).grey]
 
@@ -219,14 +219,14 @@ class ThinComponents:
 
     cols: int
     _count: int = 0
-    _above: NDArray[np.int64] = field(init=False)  # components of the row above the next chunk, from 1
-    _sums: list[NDArray[np.int64]] = field(default_factory=list)
-    _pairs: list[NDArray[np.int64]] = field(default_factory=list)
+    _above: Integers = field(init=False)  # components of the row above the next chunk, from 1
+    _sums: list[Integers] = field(default_factory=list)
+    _pairs: list[Integers] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._above = np.zeros(self.cols, np.int64)
 
-    def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[NDArray[np.uint32], int]:
+    def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[Uint32s, int]:
         """Add a chunk; return its labels, and the number of components in chunks before.
 
         The arrays are (M, N), with N a multiple of 8: 1 where a cell belongs to a component; its evidence; 1
@@ -243,7 +243,7 @@ class ThinComponents:
         self._count += count
         return labels, before
 
-    def totals(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def totals(self) -> tuple[Integers, Integers]:
         """Return the structure that each chunk's component belongs to, and the sums of all structures.
 
         A structure is named by its first component, (n,). The sums, (3, n), are cells, evidence of strong
@@ -257,11 +257,11 @@ class ThinComponents:
             np.add.at(total, roots, part)
         return roots, sums
 
-    def _ids(self, labels: NDArray[np.uint32]) -> NDArray[np.int64]:
+    def _ids(self, labels: Uint32s) -> Integers:
         """Number the components of a row of the next chunk from 1 through all chunks."""
         return np.where(labels > 0, labels + np.int64(self._count), 0)
 
-    def _unite(self, first: NDArray[np.int64]) -> None:
+    def _unite(self, first: Integers) -> None:
         """Unite the components of a chunk's first row with those that touch them from above."""
         beside = (first[1:], self._above[:-1]), (first[:-1], self._above[1:])
         for here, above in ((first, self._above), *beside):
