@@ -210,6 +210,7 @@ def test_phases_of_segmentation_stand_alone() -> None:
             continue
         allowed = {f"uavseg.segmentation.{name}" for name in PHASES.get(phase, set())} | {
             "uavseg.arguments",
+            "uavseg.arrays",
             "uavseg.errors",
             "uavseg.dataclass",
             "uavseg.units",

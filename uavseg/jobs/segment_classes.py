@@ -32,7 +32,6 @@ from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_fo
 from uavseg.segmentation.source import GreySource, with_statistics
 from uavseg.units import CELL, MAX_PIXEL_CLASSES
 
-Firsts = NDArray[np.int64]
 ChoosePartition = Callable[[BlockMap], Partition]
 Small = Literal["drop", "merge"]
 
@@ -53,7 +52,7 @@ class Segmented:
     """Segments of several kinds."""
 
     outlined: RegionOutlines
-    kinds_at: Callable[[Firsts], Integers]  # of first pixels (k, 2), also after renumbering
+    kinds_at: Callable[[Integers], Integers]  # of first pixels (k, 2), also after renumbering
     info: SourceInfo
     partition: Partition
     refine: str  # "tv", "pixels", or "none" for segments at block edges
@@ -158,7 +157,7 @@ def _outlined(
     """Return outlines of segments, with small holes filled; `cells` are their kinds where leaves decide."""
     from uavseg.regions.tiles.class_tiles import outline_refined_classes, outline_segments
 
-    kinds_at: Callable[[Firsts], Integers]
+    kinds_at: Callable[[Integers], Integers]
     how = request.segment.refine
     if cells is not None:
         outlined, kinds_at = outline_segments(grey, cells, tile_pass), _of_cells(cells)
@@ -186,7 +185,7 @@ def _at_block_edges(
     return Segmented(outlined, _of_cells(classes), SourceInfo.of(source), partition, "none", notes)
 
 
-def _of_cells(cells: NDArray[Any]) -> Callable[[Firsts], Integers]:
+def _of_cells(cells: NDArray[Any]) -> Callable[[Integers], Integers]:
     """Return the kinds of segments that end at cells, by their first pixels."""
     return lambda firsts: np.asarray(cells[tuple(firsts.T // CELL)], np.int64)
 

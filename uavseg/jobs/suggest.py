@@ -21,7 +21,7 @@ from uavseg.raster.spectral.bands import ValueAxis, values_text
 from uavseg.regions.tiles.class_tiles import count_segments
 from uavseg.regions.tiles.range_tiles import count_greys, estimate_regions, outline_regions
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.cell_pairs import Counts, cells_with_mean_in_range, count_cell_pairs
+from uavseg.segmentation.blocks.cell_pairs import cells_with_mean_in_range, count_cell_pairs
 from uavseg.segmentation.blocks.leaves import cell_intervals, cells_in_range, histogram_of_means, means_among
 from uavseg.segmentation.params.segment import IntensityRange, SegmentParams
 from uavseg.segmentation.pipeline import with_majority_means
@@ -250,7 +250,7 @@ def _refined(
     return tuple(found)
 
 
-def _doubts(choice: RangeChoice, wanted: int | None, histogram: Counts, parted: bool) -> tuple[str, ...]:
+def _doubts(choice: RangeChoice, wanted: int | None, histogram: Integers, parted: bool) -> tuple[str, ...]:
     """Return what the user should know of how far the ranges are to be trusted."""
     classes = len(choice.edges) + 1
     if classes == 1:

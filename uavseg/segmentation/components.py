@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
-
-Labels = NDArray[np.uint32]
 
 WORD = 8  # pixels of a uint8 image that are compared at once
 STRIP = 256  # rows of a label image that are processed at a time: their working memory is reused
@@ -24,12 +23,10 @@ class LabelRows(Protocol):
     @property
     def shape(self) -> tuple[int, ...]: ...
 
-    def __getitem__(self, rows: slice, /) -> NDArray[np.uint32]: ...
+    def __getitem__(self, rows: slice, /) -> Uint32s: ...
 
 
-def label_components(
-    inside: NDArray[np.uint8], margin: int = 0, diagonally: bool = False
-) -> tuple[NDArray[np.uint32], int]:
+def label_components(inside: Uint8s, margin: int = 0, diagonally: bool = False) -> tuple[Uint32s, int]:
     """Label the connected components of a mask, 1..n in raster order of their first pixels; return n, too.
 
     `inside`, (M + 2 m, N + 2 m), is 1 where a pixel belongs to a component; its border of m pixels, the
@@ -49,7 +46,7 @@ def label_components(
     return labels, _label_u1(inside, view_as_words(inside, margin), margin, int(diagonally), labels, parents)
 
 
-def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np.uint32], int]:
+def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[Uint32s, int]:
     """Label connected components of equal value other than 0 as `label_components` labels those of a mask.
 
     The image is of uint8 or uint32.
@@ -66,7 +63,7 @@ def label_equal_values(image: NDArray[Any], margin: int = 0) -> tuple[NDArray[np
     return labels, label(image, view_as_words(image, margin), margin, 0, labels, parents)
 
 
-def component_values(image: NDArray[np.uint32], labels: NDArray[np.uint32], count: int) -> NDArray[np.int64]:
+def component_values(image: Uint32s, labels: Uint32s, count: int) -> Integers:
     """Return the value of each component 1..count of an image for `label_equal_values`: (count,) int64.
 
     `image` and `labels` are (M, N) arrays.
@@ -84,7 +81,7 @@ def view_as_words(image: NDArray[Any], margin: int = 0) -> NDArray[np.uint64]:
     return image.view(np.uint64)
 
 
-def union_roots(pairs: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def union_roots(pairs: Integers, count: int) -> Integers:
     """Return the smallest item of the set that each of the items 0..count - 1 belongs to (union-find).
 
     The (k, 2) `pairs` are of items of the same set.
@@ -205,16 +202,16 @@ def _union(pairs, parents):  # type: ignore[no-untyped-def]
 class Sums:
     """Sums over the pixels of each component; those of tiles merge by adding."""
 
-    counts: NDArray[np.int64]  # (n,): number of pixels
+    counts: Integers  # (n,): number of pixels
     greys: NDArray[np.uint64]  # (n,): sum of g
     squares: NDArray[np.uint64]  # (n,): sum of g * g; no overflow up to 4e9 pixels
-    firsts: NDArray[np.int64]  # (n, 2): first pixel in raster order; pixels also of whole cells
-    excess: NDArray[np.int64] | None = None  # (n,): sum of `greys_beyond`; None if it is 0
-    steps: NDArray[np.int64] | None = None  # (n, 3): see `border_steps`; None if not measured
-    similarity: NDArray[np.int64] | None = None  # (n, 5): pixels, sum, sum of squares, steps, their edges
+    firsts: Integers  # (n, 2): first pixel in raster order; pixels also of whole cells
+    excess: Integers | None = None  # (n,): sum of `greys_beyond`; None if it is 0
+    steps: Integers | None = None  # (n, 3): see `border_steps`; None if not measured
+    similarity: Integers | None = None  # (n, 5): pixels, sum, sum of squares, steps, their edges
 
 
-def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32] | None) -> Sums:
+def with_excess(sums: Sums, labels: Uint32s, excess: NDArray[np.int32] | None) -> Sums:
     """Add the sums of the greys outside the ends of the stretch, an (M, N) array as of `GreyTile.excess`."""
     if excess is None:
         return sums
@@ -224,7 +221,7 @@ def with_excess(sums: Sums, labels: NDArray[np.uint32], excess: NDArray[np.int32
     return replace(sums, excess=total.astype(np.int64))
 
 
-def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16], margin: int = 0) -> Sums:
+def component_sums(labels: Uint32s, count: int, grey: Uint16s, margin: int = 0) -> Sums:
     """Sum over the components 1..count of an (M, N) label image; `grey` has a border of `margin` pixels."""
     counts = np.zeros(count, np.int64)
     greys, squares = np.zeros(count, np.uint64), np.zeros(count, np.uint64)
@@ -233,7 +230,7 @@ def component_sums(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint
     return Sums(counts=counts, greys=greys, squares=squares, firsts=firsts)
 
 
-def number_by_size(labels: NDArray[np.uint32], count: int, grey: NDArray[np.uint16]) -> NDArray[np.uint32]:
+def number_by_size(labels: Uint32s, count: int, grey: Uint16s) -> Uint32s:
     """Return the number of each label when labels are ordered by size, largest first; 0 for label 0.
 
     The labels are 1..count in an (M, N) array; those of equal size are numbered in raster order of their
@@ -270,7 +267,7 @@ def _sum_up(labels, grey, margin, counts, greys, squares, firsts):  # type: igno
             squares[label - 1] += square
 
 
-def border_lengths(labels: LabelRows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def border_lengths(labels: LabelRows) -> tuple[Integers, Integers]:
     """Measure the border that each pair of adjacent regions shares (region adjacency graph).
 
     The pairs, (k, 2), are labels other than 0, the smaller one first, in ascending order; the lengths, (k,),
@@ -293,7 +290,7 @@ def border_lengths(labels: LabelRows) -> tuple[NDArray[np.int64], NDArray[np.int
     return np.stack([keys >> 32, keys & 0xFFFFFFFF], axis=1), sums
 
 
-def _edge_keys(labels: NDArray[np.uint32], first: bool) -> NDArray[np.int64]:
+def _edge_keys(labels: Uint32s, first: bool) -> Integers:
     """Return a key for each pixel edge between two labels; the first row is of the strip before, if any."""
     rows = labels if first else labels[1:]
     keys = [np.empty(0, np.int64)]
@@ -305,13 +302,8 @@ def _edge_keys(labels: NDArray[np.uint32], first: bool) -> NDArray[np.int64]:
 
 
 def border_steps(
-    image: NDArray[Any],
-    labels: Labels,
-    count: int,
-    grey: NDArray[np.uint16],
-    valid: NDArray[np.uint8],
-    large: int,
-) -> NDArray[np.int64]:
+    image: NDArray[Any], labels: Uint32s, count: int, grey: Uint16s, valid: Uint8s, large: int
+) -> Integers:
     """Sum the differences of grey across the pixel edges along the borders of components.
 
     Edges along the border of a tile count where the margin holds a pixel of another value, so the sums of

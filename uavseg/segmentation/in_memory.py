@@ -1,9 +1,9 @@
 """In-memory segmentation: all phases on one array, without files and tiles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.arguments import checked
+from uavseg.arrays import Bools, Uint8s, Uint16s, Uint32s
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.blocks.division import block_ratios
 from uavseg.segmentation.blocks.lbp import contrast_bin_edges, contrast_histogram
@@ -16,7 +16,7 @@ from uavseg.units import BLOCK
 
 
 @checked
-def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None) -> BlockMap:
+def block_map_of_array(grey: Uint16s, valid: Bools | None = None) -> BlockMap:
     """Measure the block map of an (M, N) image, v = grey / 65535; all pixels are valid without `valid`.
 
     Examples
@@ -38,11 +38,8 @@ def block_map_of_array(grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None
 
 @checked
 def label_regions(
-    grey: NDArray[np.uint16],
-    interval: IntensityRange,
-    valid: NDArray[np.bool_] | None = None,
-    params: SegmentParams | None = None,
-) -> NDArray[np.uint32]:
+    grey: Uint16s, interval: IntensityRange, valid: Bools | None = None, params: SegmentParams | None = None
+) -> Uint32s:
     """Label the regions of an (M, N) image whose mean lies in a range; all pixels are valid without `valid`.
 
     The labels are 1..n, most pixels first; 0 outside all regions.
@@ -65,9 +62,7 @@ def label_regions(
     return number_by_size(labels, count, image)[labels[: grey.shape[0], : grey.shape[1]]]
 
 
-def pad_to_blocks(
-    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None, border: int = 1
-) -> tuple[NDArray[np.uint16], NDArray[np.uint8]]:
+def pad_to_blocks(grey: Uint16s, valid: Bools | None, border: int = 1) -> tuple[Uint16s, Uint8s]:
     """Pad an (M, N) image to whole blocks with a border on every side; return it with a mask of valid pixels.
 
     Both are (64 B + 2 border, 64 C + 2 border); the mask is 1 where a pixel is valid.

@@ -11,9 +11,9 @@ import heapq
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError
 from uavseg.segmentation.blocks import lbp
@@ -24,8 +24,6 @@ from uavseg.segmentation.components import border_lengths, number_by_size, union
 from uavseg.segmentation.in_memory import block_map_of_array, pad_to_blocks
 from uavseg.segmentation.params.segment import DivisionParams
 from uavseg.units import CELL
-
-Labels = NDArray[np.uint32]
 
 MAX_PIXELS = 4096 * 4096
 MIN_LEAF = 16  # pixels: side of the smallest leaf
@@ -67,9 +65,7 @@ def check_lbpc_size(shape: tuple[int, int]) -> None:
         )
 
 
-def segment_lbpc(
-    grey: NDArray[np.uint16], valid: NDArray[np.bool_] | None = None, params: LbpcParams = LbpcParams()
-) -> Labels:
+def segment_lbpc(grey: Uint16s, valid: Bools | None = None, params: LbpcParams = LbpcParams()) -> Uint32s:
     """Label the segments of an (M, N) image by LBP/C; all pixels are valid without `valid`.
 
     The labels are 1..n, most pixels first, ties in raster order of the first pixel; 0 where invalid. A
@@ -93,7 +89,7 @@ def segment_lbpc(
     return number_by_size(labels, len(models) - 1, np.ascontiguousarray(grey))[labels]
 
 
-def _leaf_labels(grey: NDArray[np.uint16], mask: NDArray[np.bool_], threshold: float) -> Labels:
+def _leaf_labels(grey: Uint16s, mask: Bools, threshold: float) -> Uint32s:
     """Label the leaf of each valid pixel, 1..n in raster order of the leaves' corners; 0 where invalid."""
     sides, _ = find_leaves(block_map_of_array(grey, mask), DivisionParams(threshold, np.inf))
     side = np.maximum(sides, MIN_LEAF).astype(np.int64)
@@ -104,9 +100,7 @@ def _leaf_labels(grey: NDArray[np.uint16], mask: NDArray[np.bool_], threshold: f
     return (labels.reshape(grey.shape) + int(leaf_ids.size > 0 and leaf_ids[0] > 0)).astype(np.uint32)
 
 
-def _classify_boundaries(
-    labels: Labels, symbols: NDArray[np.uint16], models: NDArray[np.uint32], params: LbpcParams
-) -> None:
+def _classify_boundaries(labels: Uint32s, symbols: Uint16s, models: Uint32s, params: LbpcParams) -> None:
     """Assign each boundary pixel to the adjacent region with the most similar model, in place."""
     # Models stay as merging left them, and a sweep reads the labels of the sweep before, so the result does
     # not depend on the order of pixels. After the first sweep, only pixels near a change are active.
@@ -188,8 +182,8 @@ def _sweep(  # type: ignore[no-untyped-def]
 
 
 def _merge_regions(
-    labels: NDArray[np.uint32], symbols: NDArray[np.uint16], stop: float, untested: float
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32]]:
+    labels: Uint32s, symbols: Uint16s, stop: float, untested: float
+) -> tuple[Uint32s, Uint32s]:
     """Merge adjacent regions by texture, the most similar first, until MI exceeds Y times the largest."""
     # Of two pairs with the same MI, the one with the smaller lower label comes first, then the one with the
     # smaller upper label. The new labels are 1..k in the order of the smallest label merged into each; the
@@ -207,19 +201,19 @@ def _merge_regions(
 class _Regions:
     """Histograms of regions, (n + 1, 2048), their sums, and a table of n ln n; region 0 is empty."""
 
-    histograms: NDArray[np.uint32]
-    totals: NDArray[np.int64]
-    table: NDArray[np.float64]
+    histograms: Uint32s
+    totals: Integers
+    table: Floats
 
     @classmethod
-    def of(cls, labels: NDArray[np.uint32], symbols: NDArray[np.uint16], count: int) -> "_Regions":
+    def of(cls, labels: Uint32s, symbols: Uint16s, count: int) -> "_Regions":
         histograms = np.zeros((count + 1, SYMBOLS), np.uint32)
         _count_symbols(labels, symbols, histograms)
         histograms[0] = 0
         totals = histograms.sum(axis=1, dtype=np.int64)
         return cls(histograms, totals, n_ln_n_table(int(totals.sum())))
 
-    def importance(self, region: int, others: NDArray[np.int64]) -> list[float]:
+    def importance(self, region: int, others: Integers) -> list[float]:
         """Compute MI of a region with each of some others."""
         g = np.empty(len(others))
         present = np.flatnonzero(self.histograms[region])
@@ -229,7 +223,7 @@ class _Regions:
         return scaled
 
 
-def _merge(regions: _Regions, pairs: NDArray[np.int64], stop: float, untested: float) -> NDArray[np.int64]:
+def _merge(regions: _Regions, pairs: Integers, stop: float, untested: float) -> Integers:
     """Return the region that each region was merged into."""
     count = len(regions.totals)
     parents, versions = list(range(count)), [0] * count

@@ -16,7 +16,7 @@ import numpy as np
 from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
 from uavseg.raster.intensity.thresholds import are_separated, least_cross_entropy, multi_otsu, select_classes
-from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, Counts, RangeBorder
+from uavseg.segmentation.blocks.cell_pairs import BINS, CellPairs, RangeBorder
 from uavseg.segmentation.params.segment import IntensityRange
 from uavseg.units import GREY_MAX
 
@@ -266,7 +266,7 @@ def _minimum_entropy_edge(histogram: Integers, pairs: CellPairs | None) -> tuple
     return () if edge is None else (edge,)
 
 
-def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, list[Part]]:
+def _figures(histogram: Integers, pairs: CellPairs, edges: Edges) -> tuple[Edges, list[Part]]:
     """Add the edge of small things that stand out far, and choose parts of the outermost classes."""
     contrasts, crossing = pairs.contrasts()
     steps = np.where(crossing >= _MIN_PAIRS, contrasts, 0.0)
@@ -289,7 +289,7 @@ def _figures(histogram: Counts, pairs: CellPairs, edges: Edges) -> tuple[Edges, 
     return edges, sorted({part[0] > 0: part for _, part in found}.values())
 
 
-def _outermost(histogram: Counts, pairs: CellPairs, edges: Edges, greys: dict[float, float]) -> Bordered:
+def _outermost(histogram: Integers, pairs: CellPairs, edges: Edges, greys: dict[float, float]) -> Bordered:
     """Return the outer parts of the darkest and brightest class with a contrast, 0: with more than theirs."""
     found: Bordered = []
     for outer, inner in ((0.0, edges[0]), (1.0, edges[-1])):

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from uavseg.arrays import Uint8s
 from uavseg.segmentation.states.state_scans import (
     LOOKAHEAD,
-    Codes,
     compact_columns,
     compact_rows,
     decode_states,
@@ -14,7 +14,7 @@ from uavseg.segmentation.states.state_scans import (
 )
 
 
-def refine_states(codes: Codes) -> NDArray[np.uint8]:
+def refine_states(codes: Uint8s) -> NDArray[np.uint8]:
     """Run all eight scans over a whole (M, N) image, whose codes are changed in place; return its states.
 
     Examples

@@ -6,7 +6,7 @@ from typing import Any
 from weakref import WeakSet
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uavseg.arguments import checked
 from uavseg.arrays import Bools, Float32s, Path_, Uint8s
@@ -344,6 +344,6 @@ class OccupancyGrid:
         return Dataset.of_values(self.probabilities, self.geobox, name)
 
 
-def grey_picture(probabilities: NDArray[np.float32]) -> Uint8s:
+def grey_picture(probabilities: Float32s) -> Uint8s:
     """Convert probabilities to 8-bit grey, floor(255 p + 0.5): free black, unknown grey, occupied white."""
     return np.floor(255 * probabilities.astype(np.float64) + 0.5).astype(np.uint8)

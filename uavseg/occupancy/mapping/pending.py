@@ -26,7 +26,6 @@ UP_TO_DATE = 128  # the byte of a cell whose log-odds include every observation
 PendingUpdates = NDArray[np.uint8]
 
 _CACHE_LINE = 64  # bytes
-NeighbourBits = NDArray[np.uint16]
 
 NEIGHBOURS = 9  # bits of a changed block: the 3 x 3 blocks around it that the change affects, by rows
 SELF = 4  # the block itself, in the middle
@@ -37,7 +36,7 @@ _ALL = (1 << NEIGHBOURS) - 1
 class ChangeLog:
     """Changes of a grey map that one observer has not read yet."""
 
-    changed: NeighbourBits  # (B, C) uint16; as in `GreyMap`
+    changed: Uint16s  # (B, C) uint16; as in `GreyMap`
 
     def pop(self) -> tuple[Bools, Bools]:
         """Read and clear changes: blocks (B, C) whose grey changed, and those with a change in or beside."""
@@ -64,7 +63,7 @@ class GreyMap:
     # (B, C) uint16; changes of each block since they were last copied to the change logs. A bit is set for
     # each of the 3 x 3 blocks around, in raster order, in which or next to which a pixel has changed its
     # grey.
-    changed: NeighbourBits
+    changed: Uint16s
     _logs: "WeakSet[ChangeLog]" = field(default_factory=WeakSet, repr=False)
 
     @classmethod

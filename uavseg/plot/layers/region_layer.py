@@ -15,7 +15,7 @@ from matplotlib.path import Path as DrawnPath
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from uavseg.arrays import Bools, Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import RegionError
 from uavseg.output.staging import default_signals
@@ -37,7 +37,6 @@ _MIN_SIDE = 0.3  # points: smaller regions are not drawn
 _TOLERANCE = 0.2  # points: by which outlines are simplified
 _LARGEST_LEVEL = 2.0**53
 _HEX = re.compile(r"#[0-9a-fA-F]{6}\Z")
-PolygonArray = NDArray[np.object_]
 
 _AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _LARGEST = 1e100  # the square of it is a number too
@@ -48,7 +47,7 @@ _DRAWN_COLUMNS = ("id", "confidence", "area_m2", "level", "range_low", "range_hi
 class PolygonTable:
     """Polygons (n,) with their CRS and columns (n,), without missing and empty ones."""
 
-    polygons: PolygonArray
+    polygons: Objects
     crs: Any
     columns: dict[str, NDArray[Any]]
 
@@ -61,7 +60,7 @@ class PolygonTable:
         columns = {name: values[present] for name, values in table.columns.items()}
         return cls(table.polygons[present], table.crs, columns)
 
-    def in_plot(self, frame: Frame) -> PolygonArray:
+    def in_plot(self, frame: Frame) -> Objects:
         """Return the polygons in plot coordinates; not reprojected if they or the raster have no CRS."""
         polygons, wkt = self.polygons, frame.geobox.wkt
         if self.crs is not None and wkt is not None:
@@ -73,7 +72,7 @@ class PolygonTable:
         return drawn
 
 
-def simplified(shapes: PolygonArray, tolerance: float) -> PolygonArray:
+def simplified(shapes: Objects, tolerance: float) -> Objects:
     """Simplify polygons; of collections, the polygons in them. The tolerance is in plot coordinates.
 
     What would not be a polygon afterwards stays as it is: an invalid polygon may become a ring.
@@ -93,7 +92,7 @@ def _polygonal(shape: Any) -> Any:
     return shapely.multipolygons(parts[shapely.get_type_id(parts) == shapely.GeometryType.POLYGON])
 
 
-def polygon_paths(shapes: PolygonArray) -> list[Any]:
+def polygon_paths(shapes: Objects) -> list[Any]:
     """Make a matplotlib path of each polygon or multipolygon, with its holes."""
     parts, shape_of_part = shapely.get_parts(shapes, return_index=True)
     rings, part_of_ring = shapely.get_rings(parts, return_index=True)
@@ -156,7 +155,7 @@ def _table_of_parquet(name: str) -> PolygonTable:
         return PolygonTable(polygons, crs if isinstance(crs, str | None) else json.dumps(crs), drawn)
 
 
-def _complete(polygons: PolygonArray, name: str) -> PolygonArray:
+def _complete(polygons: Objects, name: str) -> Objects:
     """Refuse polygons of which some could not be read; a file without regions is drawn."""
     if len(polygons):
         vector_files.check_geometries(polygons, name)
@@ -185,7 +184,7 @@ class RegionLayer:
     """Translucent regions in plot coordinates, ids on the largest; styled by class, color and confidence."""
 
     ids: NDArray[Any]
-    polygons: PolygonArray
+    polygons: Objects
     area_m2: float | None  # sum of their column, if they have one
     columns: Columns
 
@@ -268,7 +267,7 @@ def styles_by_confidence(columns: Columns, count: int) -> list[tuple[Style, Bool
     return [(style, mask) for style, mask in styles if mask.any()]
 
 
-def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.intp]:
+def assign_colors(shapes: Objects, reach: float, count: int) -> NDArray[np.intp]:
     """Colour greedily: indices below `count`, unlike those of boxes within `reach` if possible."""
     left, bottom, right, top = shapely.bounds(shapes).T
     around = shapely.box(left - reach, bottom - reach, right + reach, top + reach)
@@ -284,7 +283,7 @@ def assign_colors(shapes: PolygonArray, reach: float, count: int) -> NDArray[np.
     return chosen
 
 
-def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float) -> None:
+def _draw_labels(ax: Any, ids: NDArray[Any], shapes: Objects, point: float) -> None:
     halo = [withStroke(linewidth=2.2, foreground="#111111")]
     for n in np.argsort(-shapely.area(shapes), kind="stable")[:_MAX_LABELS]:
         part = max(shapely.get_parts(shapes[n]), key=shapely.area)
@@ -302,7 +301,7 @@ def _draw_labels(ax: Any, ids: NDArray[Any], shapes: PolygonArray, point: float)
 class LevelsLayer:
     """Segments in plot coordinates, with the grey of their levels."""
 
-    polygons: PolygonArray
+    polygons: Objects
     levels: Integers  # the darkest has the smallest number
     greys: Floats  # 0 black to 1 white
 

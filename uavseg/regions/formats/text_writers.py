@@ -17,7 +17,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import mapping
 
-from uavseg.arrays import Integers
+from uavseg.arrays import Integers, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.raster.geodesy.globe import MIN_DECIMALS, parse_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
@@ -25,7 +25,6 @@ from uavseg.regions.shapes import RaggedPolygons, corner_counts
 from uavseg.regions.table import Regions
 from uavseg.regions.wgs84.to_wgs84 import wgs84_batches
 
-Words = NDArray[np.uint32]
 MAX_CORNERS = 30_000  # of a polygon with its holes, that Google Earth draws
 
 _HEAD = """<?xml version="1.0" encoding="UTF-8"?>
@@ -52,7 +51,7 @@ def degree_words(decimals: int) -> int:
     return 3 if decimals == MIN_DECIMALS else 4
 
 
-def write_degrees(value: Integers, words: Words, decimals: int, after: str = "") -> None:
+def write_degrees(value: Integers, words: Uint32s, decimals: int, after: str = "") -> None:
     """Format integers of the last decimal as degrees.
 
     `value`, (n,) int64, is in units of the last decimal, within -180..180 degrees, or -90..90 degrees if
@@ -74,12 +73,12 @@ def write_degrees(value: Integers, words: Words, decimals: int, after: str = "")
     words[:, 2] = _decimals(4)[fraction % 10_000]
 
 
-def pack_words(texts: Iterable[str]) -> Words:
+def pack_words(texts: Iterable[str]) -> Uint32s:
     """Pack texts of up to four bytes as words, (n,) uint32."""
     return np.frombuffer("".join(text.ljust(4, "\0") for text in texts).encode(), np.uint32)
 
 
-def unpack_lines(words: Words) -> list[bytes]:
+def unpack_lines(words: Uint32s) -> list[bytes]:
     """Return the lines of text in an array of words; the last one ends with a newline too.
 
     Examples
@@ -94,14 +93,14 @@ def unpack_lines(words: Words) -> list[bytes]:
 
 
 @cache
-def _degrees(after: str) -> Words:
+def _degrees(after: str) -> Uint32s:
     """Return the words of 0, 1, 2, ... and then of -0, -1, -2, ..."""
     largest = 90 if after else 180
     return pack_words(f"{after}{sign}{whole}" for sign in ("", "-") for whole in range(largest + 1))
 
 
 @cache
-def _decimals(count: int, before: str = "") -> Words:
+def _decimals(count: int, before: str = "") -> Uint32s:
     """Return the words of all numbers of `count` digits, up to four."""
     return pack_words(f"{before}{number:0{count}}" for number in range(10**count))
 

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from types import ModuleType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterError
 from uavseg.segmentation.blocks.division import RATIOS
@@ -26,7 +26,6 @@ try:
 except ImportError:  # Windows
     resource = None
 
-Floats = NDArray[np.float64]
 
 _MAX_SIDE = 360  # pixels of a thumbnail
 _STRIP_BLOCKS = 64  # rows of blocks in a strip of `leaf_means_by_strip`
@@ -37,9 +36,9 @@ class BlockMap:
     """Cell sums, cell counts and block ratios over a grid of B x C blocks of 64 x 64 pixels."""
 
     shape: tuple[int, int]  # of the image in pixels; blocks extend past its right and bottom edge
-    sums: NDArray[np.uint32]  # (8 B, 8 C): sum of the grey of valid pixels of each cell
-    counts: NDArray[np.uint8]  # (8 B, 8 C): valid pixels of each cell, 0 to 64
-    ratios: NDArray[np.float64]  # (B, C, 21): R of each block, as `division.block_ratios` orders them
+    sums: Uint32s  # (8 B, 8 C): sum of the grey of valid pixels of each cell
+    counts: Uint8s  # (8 B, 8 C): valid pixels of each cell, 0 to 64
+    ratios: Floats  # (B, C, 21): R of each block, as `division.block_ratios` orders them
 
     @classmethod
     def empty(cls, shape: tuple[int, int]) -> "BlockMap":
@@ -69,7 +68,7 @@ class BlockMap:
 
 def find_leaves(
     blocks: BlockMap, division: DivisionParams, rows: slice = slice(None)
-) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
+) -> tuple[Uint8s, Floats]:
     """Divide blocks hierarchically: return the side and the mean v of the leaf that each cell belongs to.
 
     Both are (8 b, 8 C) arrays: the side uint8, of 64, 32, 16 or 8 pixels, the mean float64, of the leaf's
@@ -91,9 +90,7 @@ def leaf_means_by_strip(blocks: BlockMap, division: DivisionParams) -> Iterator[
         yield slice(CELLS * top, CELLS * top + len(mean)), mean
 
 
-def cell_sums(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], margin: int = 0
-) -> tuple[NDArray[np.uint32], NDArray[np.uint8]]:
+def cell_sums(grey: Uint16s, valid: Uint8s, margin: int = 0) -> tuple[Uint32s, Uint8s]:
     """Sum and count the valid pixels of each cell of 8 x 8 pixels: (m, n) uint32 and uint8 arrays.
 
     `grey` and `valid` are (M, N) arrays, `grey` 0 where a pixel is not valid. `margin` is the width of the
@@ -106,9 +103,7 @@ def cell_sums(
     return sums, counts
 
 
-def required_ratios(
-    sums: NDArray[np.uint32], counts: NDArray[np.uint8], edges: Sequence[float], step: float
-) -> NDArray[np.uint32]:
+def required_ratios(sums: Uint32s, counts: Uint8s, edges: Sequence[float], step: float) -> Uint32s:
     """Return bit masks of the ratios R that decide in which interval the mean of every leaf lies.
 
     Where the means of all cells of a block lie in one interval, so does the mean of any leaf made of them,
@@ -277,7 +272,7 @@ def _physical_memory() -> int | None:
     return memory if limit == resource.RLIM_INFINITY else min(memory, limit)
 
 
-def _thumbnail(sums: NDArray[np.uint32], counts: NDArray[np.uint8], maximum: float) -> str:
+def _thumbnail(sums: Uint32s, counts: Uint8s, maximum: float) -> str:
     """Encode the means of cells as a PNG, a `data:` URL; `maximum` is white, empty cells are transparent."""
     from PIL import Image
 

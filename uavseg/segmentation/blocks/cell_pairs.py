@@ -5,9 +5,9 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Integers, Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.block_map import BlockMap
 from uavseg.segmentation.params.segment import IntensityRange
@@ -17,8 +17,6 @@ BINS = 512
 _MIN_PIXELS = CELL * CELL // 2  # valid ones, of a cell that counts
 _APART = 2  # cells: a border runs through the cell between
 _MIN_STEP = 0.001  # of v: smaller differences are rounding or noise
-
-Counts = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,10 +40,10 @@ class CellPairs:
 
     first: int  # grey at which the first bin begins
     width: int  # greys in each bin
-    cells: Counts  # (512,): with at least 32 valid pixels, by bin
-    frame: Counts  # (512,): of them, beside the edge of the raster or a cell that does not count
-    near: Counts  # (512, 512): pairs side by side, along rows and columns; the darker is the row
-    far: Counts  # (512, 512): two cells apart
+    cells: Integers  # (512,): with at least 32 valid pixels, by bin
+    frame: Integers  # (512,): of them, beside the edge of the raster or a cell that does not count
+    near: Integers  # (512, 512): pairs side by side, along rows and columns; the darker is the row
+    far: Integers  # (512, 512): two cells apart
 
     def bin_of(self, v: float) -> int:
         """Return the number of bins below a bound, rounded."""
@@ -55,7 +53,7 @@ class CellPairs:
         """Return the grey at which a number of bins end, halfway between two greys."""
         return self.first + bound * self.width - 0.5
 
-    def histogram(self) -> Counts:
+    def histogram(self) -> Integers:
         """Return the histogram of cells by grey, (65536,): those of a bin at its middle."""
         histogram = np.zeros(GREY_LEVELS, np.int64)
         bins = np.flatnonzero(self.cells)
@@ -87,7 +85,7 @@ class CellPairs:
             contrast=float(contrast),
         )
 
-    def contrasts(self) -> tuple[NDArray[np.float64], Counts]:
+    def contrasts(self) -> tuple[Floats, Integers]:
         """Compute the average contrast of each bound between two bins, and the number of pairs across it.
 
         The contrast that a bound t detects between two means is the smaller of their distances to t; a bound
@@ -112,7 +110,7 @@ class CellPairs:
         return contrasts, crossing
 
     @cached_property
-    def _prefix_sums(self) -> Counts:
+    def _prefix_sums(self) -> Integers:
         """Sums of `near`, of `far` and of its steps over all pairs before each: (3, 513, 513)."""
         bins = np.arange(BINS)
         pairs = (self.near, self.far, self.far * np.abs(bins[:, None] - bins))
@@ -136,7 +134,7 @@ def count_cell_pairs(blocks: BlockMap) -> CellPairs | None:
     return CellPairs(first=first, width=width, cells=cells, frame=frame, near=near, far=far)
 
 
-def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDArray[np.uint8]:
+def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> Uint8s:
     """Return the cells whose own mean lies in a range, not that of their leaf: (8 B, 8 C) uint8."""
     inside = np.zeros(blocks.counts.shape, np.uint8)
     for row in range(len(inside)):
@@ -146,7 +144,7 @@ def cells_with_mean_in_range(blocks: BlockMap, interval: IntensityRange) -> NDAr
     return inside
 
 
-def _sides(sums: Counts, low: int, high: int) -> tuple[int, int, int]:
+def _sides(sums: Integers, low: int, high: int) -> tuple[int, int, int]:
     """Sum over the pairs with both in a range of bins, with one, and with both or none."""
 
     def block(a: int, b: int, c: int, d: int) -> int:

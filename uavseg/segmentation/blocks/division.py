@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Integers, Uint8s, Uint16s, Uint32s
 from uavseg.segmentation.blocks.g_statistic import MIN_G_PER_PIXEL, N_LN_N
 from uavseg.segmentation.blocks.lbp import (
     CONTRAST_BINS,
@@ -24,15 +25,13 @@ from uavseg.segmentation.blocks.lbp import (
 )
 from uavseg.units import BLOCK
 
-Mask = NDArray[np.uint8]
-
 RATIOS = 21  # of one block: side 64, then four of side 32, then sixteen of side 16, each row by row
 ALL_RATIOS = np.uint32((1 << RATIOS) - 1)  # bit mask
 
 
 def block_ratios(
-    grey: NDArray[np.uint16], valid: Mask | None, bin_edges: NDArray[np.int32], corners: NDArray[np.int64]
-) -> NDArray[np.float64]:
+    grey: Uint16s, valid: Uint8s | None, bin_edges: NDArray[np.int32], corners: Integers
+) -> Floats:
     """Compute R of blocks of 64 x 64 pixels and of the blocks of 32 and 16 within them.
 
     `grey` and `valid`, 1 where a pixel is valid and None where all are, are (M + 2, N + 2), with a border of
@@ -50,13 +49,13 @@ def block_ratios(
 
 
 def selected_ratios(
-    grey: NDArray[np.uint16],
-    valid: Mask | None,
+    grey: Uint16s,
+    valid: Uint8s | None,
     bin_edges: NDArray[np.int32],
-    corners: NDArray[np.int64],
-    selected: NDArray[np.uint32],
+    corners: Integers,
+    selected: Uint32s,
     threshold: float,
-) -> NDArray[np.float64]:
+) -> Floats:
     """Compute R of selected blocks within blocks of 64 x 64 pixels.
 
     The arguments are those of `block_ratios`, and `selected`, a (B,) uint32 array: bit k is set where ratio k

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined
+from uavseg.arrays import Floats
 from uavseg.units import BLOCK
 
 MIN_G_PER_PIXEL = 1e-9  # a G that is smaller, per pixel of the pair, is rounding error and counts as 0
@@ -34,11 +35,11 @@ def g_statistic(first: NDArray[np.integer], second: NDArray[np.integer]) -> floa
     return g if g >= MIN_G_PER_PIXEL * int(totals[0][0] + totals[1][0]) else 0.0
 
 
-def _j(first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.float64]:
+def _j(first: NDArray[np.integer], second: NDArray[np.integer]) -> Floats:
     return n_ln_n(first + second) - n_ln_n(first) - n_ln_n(second)
 
 
-def expected_g(largest: int, share: float) -> NDArray[np.float64]:
+def expected_g(largest: int, share: float) -> Floats:
     """Compute what a symbol adds to the expected G under the null hypothesis, by its number of pixels.
 
     If both histograms come from one source, each pixel of a symbol belongs to the window with probability
@@ -56,7 +57,7 @@ def expected_g(largest: int, share: float) -> NDArray[np.float64]:
     >>> expected_g(1000, 0.2).round(3)[[0, 1, 2, 10, 1000]]
     array([0.   , 1.001, 1.114, 1.144, 1.001])
     """
-    ln_factorial: NDArray[np.float64] = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, largest + 1)))])
+    ln_factorial: Floats = np.concatenate([[0.0], np.cumsum(np.log(np.arange(1, largest + 1)))])
     powers = np.arange(np.log(max(largest / _EXACT, 1)) / np.log(_GRID_RATIO) + 1)
     steps = np.rint(_EXACT * _GRID_RATIO**powers)
     grid = np.unique(np.minimum(np.concatenate([np.arange(_EXACT), steps]), largest)).astype(np.int64)
@@ -64,7 +65,7 @@ def expected_g(largest: int, share: float) -> NDArray[np.float64]:
     return np.interp(np.arange(largest + 1), grid, values)
 
 
-def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64]) -> float:
+def _expected_g_of_symbol(n: int, share: float, ln_factorial: Floats) -> float:
     middle, width = n * share, 12 * np.sqrt(n * share * (1 - share)) + 30
     f = np.arange(max(int(middle - width), 0), min(int(middle + width), n) + 1)
     ln_binomial = ln_factorial[n] - ln_factorial[f] - ln_factorial[n - f]
@@ -74,12 +75,12 @@ def _expected_g_of_symbol(n: int, share: float, ln_factorial: NDArray[np.float64
     return float(2 * (n * entropy - (probability * joint).sum()))
 
 
-def n_ln_n(n: NDArray[np.integer]) -> NDArray[np.float64]:
+def n_ln_n(n: NDArray[np.integer]) -> Floats:
     """Compute n ln n of counts; 0 where n is 0."""
     return np.asarray(n.astype(np.float64) * np.log(np.maximum(n, 1)))
 
 
-def n_ln_n_table(largest: int) -> NDArray[np.float64]:
+def n_ln_n_table(largest: int) -> Floats:
     """Tabulate n ln n for n from 0 to `largest`, or to 65536 if that is less; see `n_ln_n_of`."""
     return n_ln_n(np.arange(min(largest, _MAX_TABLE) + 1))
 

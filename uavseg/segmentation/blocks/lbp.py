@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers, Uint8s, Uint16s
 from uavseg.units import GREY_LEVELS
 
 CONTRAST_BINS = 8
@@ -21,7 +22,7 @@ UNCOUNTED = 0xFFFF  # sentinel in place of a symbol
 COARSE_HALO = 3  # pixels: largest distance from a pixel to a pixel of its means
 
 
-def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None = None) -> NDArray[np.int64]:
+def contrast_histogram(grey: Uint16s, valid: Uint8s | None = None) -> Integers:
     """Count the contrasts of the counted pixels of an image: (65536,) int64; those of tiles merge by adding.
 
     `grey` and `valid` are (M + 2, N + 2) arrays with a border of one pixel, which is read but not counted;
@@ -41,7 +42,7 @@ def contrast_histogram(grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None
     return counts.astype(np.int64)
 
 
-def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
+def contrast_bin_edges(histogram: Integers) -> NDArray[np.int32]:
     """Return the seven edges of eight bins of contrast with equal counts, as far as ties allow.
 
     Edge k, from 1, is the smallest contrast with at least ceil(k N / 8) of the N counted pixels of the
@@ -53,9 +54,7 @@ def contrast_bin_edges(histogram: NDArray[np.int64]) -> NDArray[np.int32]:
     return np.searchsorted(cumulative, ranks).astype(np.int32)
 
 
-def lbp_symbols(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
-) -> NDArray[np.uint16]:
+def lbp_symbols(grey: Uint16s, valid: Uint8s | None, bin_edges: NDArray[np.int32]) -> Uint16s:
     """Compute the LBP code and contrast bin of every pixel, as ``8 * code + bin``.
 
     `grey` and `valid` are those of `contrast_histogram`, `bin_edges` from `contrast_bin_edges`. The symbols
@@ -67,7 +66,7 @@ def lbp_symbols(
     return symbols
 
 
-def or_empty(valid: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+def or_empty(valid: Uint8s | None) -> Uint8s:
     """Return the array, or an empty one in place of None: kernel arguments have one type."""
     return np.empty((0, 0), np.uint8) if valid is None else valid
 
@@ -161,9 +160,7 @@ def _lbp_symbols(grey, valid, all_valid, bin_edges, symbols):  # type: ignore[no
                     symbols[r, c] = UNCOUNTED
 
 
-def coarse_symbols(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8] | None, bin_edges: NDArray[np.int32]
-) -> NDArray[np.uint16]:
+def coarse_symbols(grey: Uint16s, valid: Uint8s | None, bin_edges: NDArray[np.int32]) -> Uint16s:
     """Compute the LBP code and contrast bin of the mean of each pixel with those above and left of it.
 
     The neighbours of a mean are the eight means of 2 x 2 pixels that touch it, so a pixel is counted where

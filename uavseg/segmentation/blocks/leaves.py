@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Integers, Uint8s, Uint16s
 from uavseg.segmentation.blocks.block_map import BlockMap, leaf_means_by_strip
 from uavseg.segmentation.params.segment import DivisionParams, IntensityRange, Partition
 from uavseg.units import GREY_LEVELS, GREY_MAX
-
-Mask = NDArray[np.uint8]
 
 STEPS = 1000
 NO_CODE = 65535
@@ -33,7 +32,7 @@ def cell_intervals(
     return intervals
 
 
-def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> NDArray[np.uint8]:
+def cells_in_range(blocks: BlockMap, interval: IntensityRange, division: DivisionParams) -> Uint8s:
     """Return the cells of the leaves whose mean lies in a range: an (8 B, 8 C) uint8 array, 1 in range."""
     inside = np.zeros(blocks.counts.shape, np.uint8)
     for rows, mean in leaf_means_by_strip(blocks, division):
@@ -52,7 +51,7 @@ def cell_classes(blocks: BlockMap, partition: Partition, division: DivisionParam
     return np.asarray(table[cell_intervals(blocks, partition.edges, division, dtype)])
 
 
-def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[Any]:
+def cells_to_pixels(cells: NDArray[Any], valid: Uint8s) -> NDArray[Any]:
     """Upsample cells to pixels: each valid pixel gets the value of its cell, others 0.
 
     `cells` is an (m, n) uint8 or uint32 array, `valid` (8 m, 8 n), as the result is.
@@ -63,7 +62,7 @@ def cells_to_pixels(cells: NDArray[Any], valid: NDArray[np.uint8]) -> NDArray[An
     return pixels
 
 
-def pixels_in_range(grey: NDArray[np.uint16], valid: Mask, low: int, high: int) -> Mask:
+def pixels_in_range(grey: Uint16s, valid: Uint8s, low: int, high: int) -> Uint8s:
     """Return the valid pixels whose grey lies in low..high, both ends included, see `IntensityRange.greys`.
 
     All arrays are (M, N); `low` is larger than `high` where no grey lies in the range.
@@ -73,7 +72,7 @@ def pixels_in_range(grey: NDArray[np.uint16], valid: Mask, low: int, high: int) 
     return in_range
 
 
-def pixel_classes(grey: NDArray[np.uint16], valid: Mask, table: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def pixel_classes(grey: Uint16s, valid: Uint8s, table: Uint8s) -> Uint8s:
     """Return the class of each pixel's grey by a (65536,) table, 0 where not valid; all others are (M, N)."""
     classes = np.empty_like(valid)
     _pixel_classes(grey.reshape(-1), valid.reshape(-1), table, classes.reshape(-1))
@@ -99,7 +98,7 @@ def _pixels_in_range(grey, valid, low, high, in_range):  # type: ignore[no-untyp
         in_range[i] = np.uint8(grey[i] >= minimum) & np.uint8(grey[i] <= maximum) & valid[i]
 
 
-def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> NDArray[np.int64]:
+def histogram_of_means(blocks: BlockMap, division: DivisionParams) -> Integers:
     """Count the valid pixels by the grey that is nearest to the mean of their leaf: (65536,) int64.
 
     Histograms of parts of a raster merge by adding.
@@ -120,7 +119,7 @@ def means_among(blocks: BlockMap, values: Sequence[float], division: DivisionPar
     return means
 
 
-def leaf_codes(blocks: BlockMap, division: DivisionParams) -> NDArray[np.uint16]:
+def leaf_codes(blocks: BlockMap, division: DivisionParams) -> Uint16s:
     """Quantise the mean of each cell's leaf by the steps k / 1000 of a slider, without loss.
 
     The mean lies in low / 1000 .. high / 1000, both ends included, exactly where the code lies in 2 low .. 2

@@ -7,9 +7,9 @@ interpolated bilinearly, and extrapolated outside of them.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Floats, Integers, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.units import CELL, GREY_MAX
 
@@ -18,8 +18,6 @@ _STRIP = 256  # rows of squares that are fitted at once
 _TRUSTED, _REFUSED = 6.0, 12.0  # variance of the plane's value over that of the mean
 _RIDGE = 1e-9  # makes a plane of squares in one line determined, and changes no other by half a grey
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 Moments = dict[tuple[int, int], Floats]
 
 
@@ -27,11 +25,11 @@ Moments = dict[tuple[int, int], Floats]
 class Illumination:
     """Illumination of a raster in grey, and the mean grey that replaces it."""
 
-    nodes: NDArray[np.uint16]  # (m, n): at centres of squares from the top-left corner
+    nodes: Uint16s  # (m, n): at centres of squares from the top-left corner
     step: int  # side of a square in pixels, a power of two
     target: int  # mean grey of all valid pixels
 
-    def subtract_from(self, grey: NDArray[np.uint16], valid: Bools | None, corner: tuple[int, int]) -> None:
+    def subtract_from(self, grey: Uint16s, valid: Bools | None, corner: tuple[int, int]) -> None:
         """Replace grey by clip(grey − illumination + target, 0, 65535), in place; invalid pixels stay 0.
 
         `corner` is the row and column of the first pixel within the raster.
@@ -48,9 +46,7 @@ def square_side(width: tuple[int, int]) -> int:
     return side
 
 
-def fit_illumination(
-    sums: NDArray[np.int64], counts: NDArray[np.int64], step: int, width: tuple[int, int]
-) -> Illumination:
+def fit_illumination(sums: Integers, counts: Integers, step: int, width: tuple[int, int]) -> Illumination:
     """Estimate the illumination from the sum of grey and the number of valid pixels of squares, both (m, n).
 
     Where valid pixels lie so much to one side that the variance of the plane at a square is more than 6 times
@@ -71,7 +67,7 @@ def fit_illumination(
     return Illumination(nodes, step, target)
 
 
-def _moments(array: NDArray[np.int64], rows: slice, reach: tuple[int, int], order: int) -> Moments:
+def _moments(array: Integers, rows: slice, reach: tuple[int, int], order: int) -> Moments:
     """Compute the triangle-weighted moments around each element of some rows, up to an order."""
     # Key (i, j) is the sum of weight · (row offset)^i · (column offset)^j · element.
     above = min(reach[0] - 1, rows.start)
@@ -98,7 +94,7 @@ def _weighted(padded: Floats, reach: int, power: int) -> Floats:
     return total
 
 
-def _plane_values(w: Moments, g: Moments, empty: int) -> NDArray[np.uint16]:
+def _plane_values(w: Moments, g: Moments, empty: int) -> Uint16s:
     """Evaluate the fitted planes at their squares by Cramer's rule; `empty` where no valid pixel is near."""
     count = np.where(w[0, 0] > 0, w[0, 0], 1.0)
     rr, cc, rc = w[2, 0] + _RIDGE * count, w[0, 2] + _RIDGE * count, w[1, 1]

@@ -6,9 +6,10 @@ from math import inf
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from uavseg.arguments import checked
+from uavseg.arrays import Uint8s
 from uavseg.dataclass import dataclass
 from uavseg.errors import IntensityRangeError, ParameterError
 from uavseg.units import FREE, GREY_LEVELS, GREY_MAX, MAX_PIXEL_CLASSES
@@ -153,12 +154,12 @@ class StateLimits:
         return self.free_below, self.occupied_above
 
     @checked
-    def of(self, v: ArrayLike) -> NDArray[np.uint8]:
+    def of(self, v: ArrayLike) -> Uint8s:
         """Return the state of each probability: 1 free, 2 unknown, 3 occupied."""
         return (np.searchsorted(self.edges, v) + FREE).astype(np.uint8)
 
     @property
-    def table(self) -> NDArray[np.uint8]:
+    def table(self) -> Uint8s:
         """State of every grey g, whose v = g / 65535: a (65536,) uint8 array."""
         return self.of(np.arange(GREY_LEVELS) / GREY_MAX)
 
@@ -226,7 +227,7 @@ class Partition:
         return max(self.classes)
 
     @property
-    def grey_table(self) -> NDArray[np.uint8]:
+    def grey_table(self) -> Uint8s:
         """Class of every grey g, whose v = g / 65535: a (65536,) uint8 lookup table; at most 255 classes."""
         v = np.arange(GREY_LEVELS) / GREY_MAX
         return np.array(self.classes, np.uint8)[np.searchsorted(np.array(self.edges, np.float64), v)]

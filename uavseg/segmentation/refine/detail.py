@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, medians_around
@@ -22,7 +23,6 @@ from uavseg.units import BLOCK
 MAX_DETAIL = 128  # pixels
 _FAR = np.uint8(255)  # no covered pixel in this direction
 
-Image = NDArray[np.uint8]
 LENGTH = 15  # pixels along a line
 _DIRECTIONS = 16
 _SIDES = (3, 4)  # pixels from the middle of a line to what it is compared with
@@ -32,8 +32,6 @@ _MIN_NOISE = 74.0  # grey: standard deviation of rounding to 8 bits
 _MEASURED = range(0, 16, 4)  # directions in which noise is measured
 _INVALID = 1 << 24  # grey of invalid pixels, more than any sum of valid ones
 MARGIN = 48  # pixels around a window that count: two squares, a line and a side
-
-Offsets = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +54,7 @@ class PixelDisc:
     cols: int
 
     @property
-    def pixels(self) -> NDArray[np.bool_]:
+    def pixels(self) -> Bools:
         """Mask of the disc, (rows, cols)."""
         row = 2 * np.arange(self.rows, dtype=np.int64)[:, None] - (self.rows - 1)
         col = 2 * np.arange(self.cols, dtype=np.int64) - (self.cols - 1)
@@ -69,8 +67,8 @@ class PixelDisc:
 class _Chords:
     """Rows of a disc: first column and index of the length of each, and how lengths are built up."""
 
-    rows: NDArray[np.int64]
-    shifts: NDArray[np.int64]  # length k + 1 is the maximum of length k and of the same shifted by shifts[k]
+    rows: Integers
+    shifts: Integers  # length k + 1 is the maximum of length k and of the same shifted by shifts[k]
 
 
 @lru_cache(maxsize=64)
@@ -110,7 +108,7 @@ class Detail:
         return -(-(5 * max(self.rows, self.cols) + 1) // BLOCK) * BLOCK
 
 
-def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
+def apply_detail(classes: Uint8s, valid: Uint8s, detail: Detail) -> Uint8s:
     """Drop structures and cut necks that are narrower than a detail, and close gaps that are.
 
     Discs grow to the target size. At each size, pixels that lie in no disc of their class (see
@@ -132,7 +130,7 @@ def apply_detail(classes: Image, valid: Image, detail: Detail) -> Image:
     return classes
 
 
-def _take_nearest(classes: Image, covered: Image, valid: Image, disc: PixelDisc) -> Image:
+def _take_nearest(classes: Uint8s, covered: Uint8s, valid: Uint8s, disc: PixelDisc) -> Uint8s:
     """Take the class of the nearest covered pixel within the disc's width; keep the class without one."""
     up, down = np.empty_like(classes), np.empty_like(classes)
     nearest = classes.copy()
@@ -195,7 +193,7 @@ def _take(classes, covered, valid, up, down, sides, result):  # type: ignore[no-
             result[row, col] = nearest
 
 
-def _disc_maxima(image: Image, disc: PixelDisc) -> Image:
+def _disc_maxima(image: Uint8s, disc: PixelDisc) -> Uint8s:
     """Return the maximum of each disc within an image, at the first pixel of its bounding box."""
     chords = _chords(disc)
     maxima = np.empty((image.shape[0] - disc.rows + 1, image.shape[1] - disc.cols + 1), np.uint8)
@@ -204,7 +202,7 @@ def _disc_maxima(image: Image, disc: PixelDisc) -> Image:
     return maxima
 
 
-def opening_mask(classes: Image, valid: Image, disc: PixelDisc) -> Image:
+def opening_mask(classes: Uint8s, valid: Uint8s, disc: PixelDisc) -> Uint8s:
     """Open each class by a disc: mark pixels that lie in a disc whose valid pixels are all of their class.
 
     The centre of such a disc, or a pixel beside it, is valid. Pixels that are not valid, and those outside
@@ -273,9 +271,7 @@ class ThinLines:
     halo: int = 0
 
 
-def find_thin_lines(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], greys: tuple[int, int], margin: int
-) -> NDArray[np.uint8]:
+def find_thin_lines(grey: Uint16s, valid: Uint8s, greys: tuple[int, int], margin: int) -> Uint8s:
     """Detect the pixels on thin lines in a range of `greys`, whose ends belong to it.
 
     `grey` and `valid` are (M, N), multiples of 16, as is the position of the first pixel in its raster.
@@ -294,13 +290,13 @@ def find_thin_lines(
         along, sides = _offsets(math.pi * k / _DIRECTIONS)
         _sum_lines(values, along, sums)
         _add_evidence(sums, sides, greys[0], greys[1], weak, strong, evidence)
-    lines: NDArray[np.uint8] = evidence >> np.uint8(1)
+    lines: Uint8s = evidence >> np.uint8(1)
     for _ in range(_REACH):
         lines = dilate(lines) & (evidence & np.uint8(1))
     return _joined(lines, values, greys)
 
 
-def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.float64]:
+def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> Floats:
     """Estimate the standard deviation of twice the sum of a line less that of a side, for each square."""
     # It follows from the median over 3 x 3 squares of the mean |difference|, which few lines do not change.
     shape = values.shape[0] // NOISE_SIDE, values.shape[1] // NOISE_SIDE
@@ -314,7 +310,7 @@ def _spread(values: NDArray[np.int32], sums: NDArray[np.int32]) -> NDArray[np.fl
     return np.maximum(spread, _MIN_NOISE * math.sqrt(4 * LENGTH + 2 * LENGTH))
 
 
-def _joined(lines: NDArray[np.uint8], values: NDArray[np.int32], greys: tuple[int, int]) -> NDArray[np.uint8]:
+def _joined(lines: Uint8s, values: NDArray[np.int32], greys: tuple[int, int]) -> Uint8s:
     """Add a pixel at each diagonal step, the nearer to the range, so that the pixels of lines share edges."""
     distance = np.maximum(np.maximum(greys[0] - values, values - greys[1]), 0)
     joined = lines.copy()
@@ -331,7 +327,7 @@ def _joined(lines: NDArray[np.uint8], values: NDArray[np.int32], greys: tuple[in
     return joined
 
 
-def _offsets(angle: float) -> tuple[Offsets, Offsets]:
+def _offsets(angle: float) -> tuple[Integers, Integers]:
     """Return row and column offsets of the pixels of a line in a direction, and of two on each side of it."""
     down, across = math.sin(angle), math.cos(angle)
     half = range(-(LENGTH // 2), LENGTH // 2 + 1)

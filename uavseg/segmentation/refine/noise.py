@@ -8,9 +8,9 @@ the standard deviation of the noise.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Integers, Uint8s, Uint16s
 from uavseg.segmentation.blocks.dilation import dilate
 
 NOISE_SIDE = 16  # pixels: side of a square
@@ -18,9 +18,7 @@ _COARSE = 4  # side of a mean in pixels, and of a square in means
 _SEPARATION = 4.0
 
 
-def estimate_noise(
-    grey: NDArray[np.uint16], valid: NDArray[np.uint8], active: NDArray[np.uint8], bounds: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def estimate_noise(grey: Uint16s, valid: Uint8s, active: Uint8s, bounds: Integers) -> Floats:
     """Estimate the standard deviation of the noise around each square with active cells; 0 elsewhere.
 
     It is in grey, the larger of two estimates: the noise of pixels, and that of means of 4 x 4 pixels, scaled
@@ -47,7 +45,7 @@ def estimate_noise(
     return math.sqrt(math.pi / 2) / 6 * medians_around(estimates.max(axis=0), squares)
 
 
-def medians_around(values: NDArray[np.float64], squares: NDArray[np.uint8]) -> NDArray[np.float64]:
+def medians_around(values: Floats, squares: Uint8s) -> Floats:
     """Compute the upper median of the known values in the 3 x 3 squares around some squares; 0 elsewhere.
 
     Both arrays are (m, n): `values` are negative where not known, `squares` 1 where to compute a median.

@@ -6,9 +6,9 @@ run of changes stops after 8 pixels, so that the result depends on a bounded nei
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Uint8s, Uint16s
 from uavseg.segmentation.blocks.dilation import dilate
 
 REFINE_HALO = 80  # pixels: a tile with this halo is refined exactly as the whole image
@@ -17,9 +17,7 @@ _MAX_RUN = 8  # pixels: a run of changes stops here
 _WEIGHTS = np.array([1, 16, 120, 560, 1820, 4368, 8008, 11440, 12870], np.int64)
 
 
-def refine_by_scans(
-    inside: NDArray[np.uint8], valid: NDArray[np.uint8], in_range: NDArray[np.uint8]
-) -> NDArray[np.uint8]:
+def refine_by_scans(inside: Uint8s, valid: Uint8s, in_range: Uint8s) -> Uint8s:
     """Shrink regions by boundary pixels out of range, then grow them by adjacent pixels in range.
 
     All arrays are (M, N). `inside`, 1 where a pixel belongs to a region, is refined in place and returned;
@@ -35,9 +33,7 @@ def refine_by_scans(
     return inside
 
 
-def refine_by_local_mean(
-    inside: NDArray[np.uint8], valid: NDArray[np.uint8], grey: NDArray[np.uint16], low: float, high: float
-) -> NDArray[np.uint8]:
+def refine_by_local_mean(inside: Uint8s, valid: Uint8s, grey: Uint16s, low: float, high: float) -> Uint8s:
     """Reclassify the pixels near a boundary by whether a local mean of v lies in low..high; in a new array.
 
     A pixel is near a boundary where a pixel inside and a valid one outside both lie within 8 pixels (in a

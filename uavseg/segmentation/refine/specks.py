@@ -1,9 +1,9 @@
 """Sieve filter: small thin pieces and holes of a class image take the class of what is around them."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Uint8s
 from uavseg.units import MAX_PIXEL_CLASSES
 
 MIN_PIECE = 12  # pixels: smaller thin pieces and thin holes are removed
@@ -11,7 +11,7 @@ _UNKNOWN = np.uint8(255)  # label of a pixel around which no component was searc
 _NO_DATA = np.uint8(128)  # not valid, or outside the image; a bit that no class has
 
 
-def drop_specks(inside: NDArray[np.uint8], valid: NDArray[np.uint8], active: NDArray[np.uint8]) -> None:
+def drop_specks(inside: Uint8s, valid: Uint8s, active: Uint8s) -> None:
     """Change the class of components of fewer than 12 pixels that touch another class, all at once, in place.
 
     They get the class that most neighbours of their pixels have, of several the smallest: with one class,

@@ -17,12 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers, Uint8s, Uint16s
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.refine.noise import NOISE_SIDE, estimate_noise
 from uavseg.segmentation.refine.specks import drop_specks
 from uavseg.units import CELL, GREY_LEVELS
 
-Image = NDArray[np.uint8]
 Arrays = tuple[NDArray[Any], ...]
 
 SWEEPS = 5
@@ -39,7 +39,7 @@ _WEIGHT_PER_NOISE = 0.34  # weight of a pair of neighbours / standard deviation 
 
 
 def _classify_panels(
-    grey: NDArray[np.uint16], valid: Image, weights: NDArray[np.int16], table: Image, classes: Image
+    grey: Uint16s, valid: Uint8s, weights: NDArray[np.int16], table: Uint8s, classes: Uint8s
 ) -> None:
     """Classify pixels by the class of their denoised grey, in place; unchanged pixels keep their class."""
     # M is even, N a multiple of 8. A cell has one weight, in units of half a grey, 0 to `MAX_WEIGHT`; between
@@ -62,7 +62,7 @@ def _panels(weights: NDArray[np.int16], cols: int) -> Iterator[tuple[Arrays, Arr
             yield (column_weights, _runs(column_weights), columns), _line_buffers(column_weights.shape[1])
 
 
-def _runs(weights: NDArray[np.int16]) -> NDArray[np.int64]:
+def _runs(weights: NDArray[np.int16]) -> Integers:
     """Return the runs of active chunks in each row of cells, a (2, M, R, 2) array."""
     # A chunk is active where a weight in it, or in the cell on either side, is not 0: no flow leaves it. Runs
     # are first even columns, and those after the last, of a row of cells, and of it and the row above
@@ -229,8 +229,8 @@ def _classify_tv(  # type: ignore[no-untyped-def]
 
 
 def refine_by_tv(
-    inside: Image, valid: Image, grey: NDArray[np.uint16], greys: tuple[int, int], separate: bool = True
-) -> Image:
+    inside: Uint8s, valid: Uint8s, grey: Uint16s, greys: tuple[int, int], separate: bool = True
+) -> Uint8s:
     """Classify the pixels around a bound of a range by denoised v; the weights follow the local noise.
 
     Cells with pixels on both sides and the cells around them are denoised; all other pixels are decided by
@@ -247,8 +247,8 @@ def refine_by_tv(
 
 
 def refine_classes_by_tv(
-    classes: Image, valid: Image, grey: NDArray[np.uint16], table: Image, separate: bool = True
-) -> Image:
+    classes: Uint8s, valid: Uint8s, grey: Uint16s, table: Uint8s, separate: bool = True
+) -> Uint8s:
     """Classify the pixels around the bounds of several classes by denoised v, in place.
 
     Each pixel gets the class of its denoised grey, so classes share their borders. With one class the result

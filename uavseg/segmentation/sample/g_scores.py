@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Floats, Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.g_statistic import expected_g, n_ln_n
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
@@ -32,7 +33,6 @@ GREY_BINS = 64
 _LOG_SCALE = 1 << 20  # fixed point of n ln n
 _MIN_COVERAGE = (7, 8)  # share of a window's pixels that must be counted
 
-Image = NDArray[np.uint16]
 T = TypeVar("T", bound=np.integer[Any])
 _FEW = 32  # cells
 _SEPARABLE = 0.8  # minimum share of the variance between the two classes
@@ -52,9 +52,9 @@ class TextureModel:
     of 1024, and `coarse` (2048,) that of symbols of means of 2 x 2 pixels, see `coarse_lbp.coarse_symbols`.
     """
 
-    texture: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
-    greys: NDArray[np.int64] = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
-    coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
+    texture: Integers = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
+    greys: Integers = field(default_factory=lambda: np.zeros(GREY_BINS, np.int64))
+    coarse: Integers = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     def __add__(self, other: "TextureModel") -> "TextureModel":
         return TextureModel(
@@ -76,7 +76,7 @@ class GreyBounds:
 
 
 def texture_model(
-    symbols: Image, grey: Image, cells: NDArray[np.uint8], margin: int = 0, coarse: Image | None = None
+    symbols: Uint16s, grey: Uint16s, cells: Uint8s, margin: int = 0, coarse: Uint16s | None = None
 ) -> TextureModel:
     """Count the textures and greys of selected cells of an image.
 
@@ -97,13 +97,13 @@ def min_count(side: int) -> int:
 
 
 def window_scores(
-    symbols: NDArray[np.uint16],
-    grey: NDArray[np.uint16],
+    symbols: Uint16s,
+    grey: Uint16s,
     model: TextureModel,
     side: int,
     bounds: GreyBounds = GreyBounds(),
     leave_one_out: bool = False,
-) -> NDArray[np.uint16]:
+) -> Uint16s:
     """Score every window: G against a model less its expectation, per counted pixel.
 
     `symbols`, from `lbp_symbols`, and the `grey` of the same pixels are (M, N), multiples of 8; `side` is
@@ -139,9 +139,7 @@ def best_scores(scores: NDArray[T], side: int) -> NDArray[T]:
     return best
 
 
-def _tables(
-    model: TextureModel, largest: int, leave_one_out: bool
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _tables(model: TextureModel, largest: int, leave_one_out: bool) -> tuple[Integers, Integers, Integers]:
     """Tabulate halves of G for windows of up to `largest` pixels, in fixed point."""
     # The first two are the terms of `added_g`, by the pixels of a symbol in both histograms and in the
     # window. The third is J(N, n) of windows of n counted pixels, less the expectation for an empty window.
@@ -151,7 +149,7 @@ def _tables(
     largest_n = int(model.texture.max()) + (0 if leave_one_out else largest + 1)
     share = min(largest / total, 0.5) if leave_one_out else largest / (total + largest)
     expected = _fixed(expected_g(largest_n, share) / 2)
-    above: NDArray[np.int64] = np.diff(_fixed(n_ln_n(np.arange(largest_n + 1))))
+    above: Integers = np.diff(_fixed(n_ln_n(np.arange(largest_n + 1))))
     if not leave_one_out:  # else both histograms together are the model, for every window
         above += np.diff(expected)
     below = np.diff(_fixed(n_ln_n(np.arange(largest + 2))))
@@ -159,7 +157,7 @@ def _tables(
     return above, below, whole - expected[model.texture].sum()
 
 
-def _fixed(values: NDArray[np.float64]) -> NDArray[np.int64]:
+def _fixed(values: Floats) -> Integers:
     return np.rint(values * _LOG_SCALE).astype(np.int64)
 
 
@@ -233,7 +231,7 @@ def _count_coarse(coarse, cells, histogram):  # type: ignore[no-untyped-def]
                         histogram[coarse[r, c]] += 1
 
 
-def separability(scores: NDArray[np.uint16]) -> float:
+def separability(scores: Uint16s) -> float:
     """Compute Otsu's eta, the share of the variance of scores that lies between the two best classes.
 
     Scores of `best_scores`, an (n,) uint16 array, are ignored from MAX_SCORE on. Eta is 0.64 for a normal
@@ -261,7 +259,7 @@ def separability(scores: NDArray[np.uint16]) -> float:
     return share * (1 - share) * (means[0] - means[1]) ** 2 / variance
 
 
-def is_bimodal(scores: NDArray[np.uint16], limit: int) -> bool:
+def is_bimodal(scores: Uint16s, limit: int) -> bool:
     """Test whether scores split into those similar to the sample and others that are clearly not.
 
     Two classes explain most of their variance, a tenth at least lies well above the limit, and few lie just
@@ -275,14 +273,14 @@ def is_bimodal(scores: NDArray[np.uint16], limit: int) -> bool:
     return has_gap and separability(scores) >= _SEPARABLE
 
 
-def _histogram(scores: NDArray[np.uint16]) -> NDArray[np.int64]:
+def _histogram(scores: Uint16s) -> Integers:
     counts = np.zeros(1 << 16, np.int64)
     for begin in range(0, len(scores), _PART):
         counts += np.bincount(scores[begin : begin + _PART], minlength=len(counts))
     return counts
 
 
-def _quantile(values: NDArray[np.float64], counts: NDArray[np.int64], share: float) -> float:
+def _quantile(values: Floats, counts: Integers, share: float) -> float:
     """Interpolate the quantile of sorted values with counts, as `numpy.quantile` does."""
     until = np.cumsum(counts)
     place = share * (int(until[-1]) - 1)

@@ -18,9 +18,9 @@ Learning from a sample and unlabelled points: Elkan and Noto, Knowledge Discover
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 
 SIZES = (2, 3, 4, 5, 6, 8)  # numbers of components of the mixtures that vote
@@ -33,7 +33,6 @@ _SHRINK = 0.6  # share of the variance along the longest axis that the split tak
 RARE = 1e-3  # share of the raster below which a component counts as this share
 _SEED_SHARE = 0.01  # of the points, of a component that begins at the sample
 
-Points = NDArray[np.float64]
 _IN_SAMPLE = 0.1  # share of the sample from which a component is compared at all
 _WRONG = 0.1  # share of the sample that may be of another class
 _ELSEWHERE = 0.1  # weight of the raster where a sample of other classes lacks what the raster has
@@ -45,14 +44,14 @@ _CLEARER = 0.5  # maximum of the undecided share with a seeded component, over t
 class Mixture:
     """Mixture of k Gaussians in d dimensions: (k, d) means, (k, d, d) covariances, and shares, 1 in sum."""
 
-    means: Points
-    covariances: Points
-    shares: Points
+    means: Floats
+    covariances: Floats
+    shares: Floats
 
     def __len__(self) -> int:
         return len(self.shares)
 
-    def memberships(self, points: Points) -> Points:
+    def memberships(self, points: Floats) -> Floats:
         """Compute the probability that each point is of each component: (k, n)."""
         result = np.empty((len(self), len(points)))
         roots = np.linalg.cholesky(self.covariances)
@@ -65,7 +64,7 @@ class Mixture:
         return result
 
 
-def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
+def fit_mixtures(points: Floats, sizes: Sequence[int] = SIZES) -> list[Mixture]:
     """Fit mixtures of several sizes, each from the one before with its longest component split.
 
     The points, (n, d), have a variance of about 1 in each dimension; `sizes` are numbers of components,
@@ -82,7 +81,7 @@ def fit_mixtures(points: Points, sizes: Sequence[int] = SIZES) -> list[Mixture]:
     return mixtures
 
 
-def _fit_seeded(sample: Points, mixture: Mixture, points: Points) -> Mixture:
+def _fit_seeded(sample: Floats, mixture: Mixture, points: Floats) -> Mixture:
     """Fit a mixture with one component more, which is seeded at a sample."""
     # The sample counts among the points as if it were a thousandth of them: a class may be so rare that few
     # of them show it.
@@ -98,7 +97,7 @@ def _fit_seeded(sample: Points, mixture: Mixture, points: Points) -> Mixture:
     return seeded
 
 
-def _estimate(points: Points, memberships: Points) -> Mixture:
+def _estimate(points: Floats, memberships: Floats) -> Mixture:
     """Estimate the mixture of components with these members (M step)."""
     size, dims = len(memberships), points.shape[1]
     counts, sums, products = np.zeros(size), np.zeros((size, dims)), np.zeros((size, dims, dims))
@@ -125,10 +124,10 @@ def _split(mixture: Mixture) -> Mixture:
     return Mixture(means, covariances, shares)
 
 
-def _longest_axis(covariance: Points) -> tuple[float, Points]:
+def _longest_axis(covariance: Floats) -> tuple[float, Floats]:
     """Return the largest eigenvalue and its eigenvector, whose largest entry is positive."""
     values, vectors = np.linalg.eigh(covariance)
-    axis: Points = vectors[:, -1]
+    axis: Floats = vectors[:, -1]
     return float(values[-1]), axis if axis[np.argmax(np.abs(axis))] > 0 else -axis
 
 
@@ -166,7 +165,7 @@ def _add_moments(points, memberships, counts, sums, products):  # type: ignore[n
 
 
 def sample_votes(
-    points: Points, sample: Points, unlike: Points | None = None
+    points: Floats, sample: Floats, unlike: Floats | None = None
 ) -> tuple[list["SampleVote"], "SampleVote"]:
     """Return the vote of mixtures of points on a sample and that of mixtures seeded at it; and of the finest.
 
@@ -197,11 +196,11 @@ class SampleVote:
     """
 
     mixtures: tuple[Mixture, ...]
-    purities: tuple[Points, ...]
+    purities: tuple[Floats, ...]
     weights: tuple[float, ...]
 
     @classmethod
-    def of(cls, mixtures: Sequence[Mixture], sample: Points, unlike: Points | None = None) -> "SampleVote":
+    def of(cls, mixtures: Sequence[Mixture], sample: Floats, unlike: Floats | None = None) -> "SampleVote":
         """Let mixtures vote on a sample: (m, d) points of the class.
 
         With `unlike`, (n, d) points of other classes, the share of a component follows from both, and a
@@ -222,24 +221,24 @@ class SampleVote:
         weights = np.exp(_VOTE * (recall - recall.max()))
         return cls(tuple(mixtures), tuple(purities), tuple((weights / weights.sum()).tolist()))
 
-    def similarity(self, points: Points) -> Points:
+    def similarity(self, points: Floats) -> Floats:
         """Compute the probability that each of (n, d) points is of the sample's class."""
         parts = zip(self.mixtures, self.purities, self.weights, strict=True)
         votes = (weight * _weighted(pure, mixture.memberships(points)) for mixture, pure, weight in parts)
         return sum(votes, np.zeros(len(points)))
 
-    def undecided(self, points: Points) -> float:
+    def undecided(self, points: Floats) -> float:
         """Compute the expected error of the points of the class: 0 if all are certain."""
         similarity = self.similarity(points)
         return float(np.minimum(similarity, 1 - similarity).sum() / max(float(similarity.sum()), 1e-9))
 
 
-def _trimmed(similarity: Points) -> float:
+def _trimmed(similarity: Floats) -> float:
     """Average the similarity of points of which some may be of another class."""
     return float(np.sort(similarity)[int(_WRONG * len(similarity)) :].mean())
 
 
-def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> Points:
+def _purities_of_two(mixture: Mixture, memberships: Floats, others: Floats) -> Floats:
     """Return the share of each component that is of the class of one sample and not of another one."""
     # Components that neither has, and the raster has, are of a third class. As far as both do not show what
     # the raster has, it is the background too, as of one sample: to say what is not wanted is no reason to
@@ -250,7 +249,7 @@ def _purities_of_two(mixture: Mixture, memberships: Points, others: Points) -> P
     return np.asarray(_purities(mixture, memberships) ** (1 - shown) * against_other)
 
 
-def _purities(mixture: Mixture, memberships: Points) -> Points:
+def _purities(mixture: Mixture, memberships: Floats) -> Floats:
     """Return the share of each component that is of the class of a sample with these memberships."""
     # By Bayes' rule it is in proportion to how much more frequent the component is in the sample than in the
     # raster. The component with the largest ratio is taken to be of the class as a whole.
@@ -260,5 +259,5 @@ def _purities(mixture: Mixture, memberships: Points) -> Points:
     return np.asarray(np.minimum(ratio / largest, 1))
 
 
-def _weighted(weights: Points, rows: Points) -> Points:
+def _weighted(weights: Floats, rows: Floats) -> Floats:
     return sum((weight * row for weight, row in zip(weights, rows, strict=True)), np.zeros(rows.shape[1]))

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.blocks.dilation import dilate
 from uavseg.segmentation.blocks.lbp import SYMBOLS, UNCOUNTED
@@ -44,11 +45,11 @@ class SampleWeights:
     powerful test between them (Neyman and Pearson, 1933). Two scales are used: pixels, and means of 2 x 2.
     """
 
-    weights: NDArray[np.int64]  # (2, 2048): log-likelihood ratios, both scales, in 1 / 1024
+    weights: Integers  # (2, 2048): log-likelihood ratios, both scales, in 1 / 1024
     sample_level: int  # reached by 19 of 20 windows of the sample, each against its rest; at most 0
 
     @classmethod
-    def of(cls, sample: SymbolPair, background: NDArray[np.int64], side: int) -> "SampleWeights":
+    def of(cls, sample: SymbolPair, background: Integers, side: int) -> "SampleWeights":
         """Compute the weights for a sample.
 
         The sample is (M, N) symbols, multiples of 8, 65535 outside of it; `background`, (2, 2048), the
@@ -64,18 +65,18 @@ class SampleWeights:
         return self.sample_level + math.floor(WEIGHT_UNITS * math.log(similarity) / _SIMILARITY_DIVISOR)
 
 
-def symbol_counts(symbols: SymbolPair) -> NDArray[np.int64]:
+def symbol_counts(symbols: SymbolPair) -> Integers:
     """Count symbols at both scales, a (2, 2048) array; those of parts merge by adding."""
     counts = [np.bincount(each.ravel(), minlength=SYMBOLS)[:SYMBOLS] for each in symbols]
     return np.stack(counts).astype(np.int64)
 
 
-def _log_ratio_weights(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.int64]:
+def _log_ratio_weights(sample: Integers, background: Integers) -> Integers:
     """Round the log-likelihood ratio of each symbol to units of 1 / 1024; 0 if the background lacks it."""
     return np.rint(WEIGHT_UNITS * _log_ratio(sample, background)).astype(np.int64)
 
 
-def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDArray[np.float64]:
+def _log_ratio(sample: Integers, background: Integers) -> Floats:
     """Compute the log-likelihood ratio with `PRIOR_PIXELS` pixels of the background added to the sample."""
     share = background / np.maximum(background.sum(axis=-1, keepdims=True), 1)
     expected = (sample.sum(axis=-1, keepdims=True) + PRIOR_PIXELS) * share
@@ -83,7 +84,7 @@ def _log_ratio(sample: NDArray[np.int64], background: NDArray[np.int64]) -> NDAr
     return np.asarray(np.log(ratio))
 
 
-def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side: int) -> NDArray[np.float64]:
+def _sample_window_means(sample: SymbolPair, background: Integers, side: int) -> Floats:
     """Average the weights of windows of a sample, each by the rest of the sample (leave one out)."""
     # Windows have at least seven eighths of their pixels counted; in a large sample about 1024 are evenly
     # spaced.
@@ -100,7 +101,7 @@ def _sample_window_means(sample: SymbolPair, background: NDArray[np.int64], side
     return np.array(means)
 
 
-def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def best_mean_weights(symbols: SymbolPair, weights: Integers, side: int) -> Integers:
     """Return for each cell the largest mean weight of the windows that contain it, see `best_scores`.
 
     The symbols are (M, N), multiples of 8, the weights (2, 2048), and `side` is that of a window, in cells.
@@ -116,7 +117,7 @@ def best_mean_weights(symbols: SymbolPair, weights: NDArray[np.int64], side: int
     return -best_scores(-means, side)
 
 
-def window_sums(sums: NDArray[np.int64], side: int) -> NDArray[np.int64]:
+def window_sums(sums: Integers, side: int) -> Integers:
     """Sum over the window, of `side` cells, that begins at each cell."""
     for axis in (0, 1):
         length = sums.shape[axis] - side + 1
@@ -147,9 +148,9 @@ class PixelWeights:
     means of 2 x 2 pixels (`coarse`).
     """
 
-    texture: NDArray[np.int64]
-    greys: NDArray[np.int64]
-    coarse: NDArray[np.int64] = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
+    texture: Integers
+    greys: Integers
+    coarse: Integers = field(default_factory=lambda: np.zeros(SYMBOLS, np.int64))
 
     @classmethod
     def between(cls, one: TextureModel, other: TextureModel, by_grey: bool = True) -> "PixelWeights":
@@ -162,7 +163,7 @@ class PixelWeights:
         return cls(log_ratio(one.texture, other.texture), greys if by_grey else np.zeros_like(greys), coarse)
 
 
-def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.int64]:
+def log_ratio(one: Integers, other: Integers) -> Integers:
     """Compute the log ratio of two probabilities in units of 1 / 1024.
 
     Each is the Krichevsky-Trofimov estimate from (n,) counts: half a count is added.
@@ -172,13 +173,13 @@ def log_ratio(one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.in
 
 
 def classify_pixels(
-    cells: NDArray[np.uint8],
-    valid: NDArray[np.uint8],
-    grey: NDArray[np.uint16],
+    cells: Uint8s,
+    valid: Uint8s,
+    grey: Uint16s,
     symbols: SymbolPair,
     weights: PixelWeights,
     colors: Sequence["ColorPlane"] = (),
-) -> NDArray[np.uint8]:
+) -> Uint8s:
     """Classify pixels as their cell, in undecided cells by the sign of the weight of a 13 x 13 window.
 
     `cells`, (M / 8, N / 8), are 0 outside, 1 inside, 2 undecided; `valid` and `grey` are (M, N). Pixels along
@@ -197,7 +198,7 @@ def classify_pixels(
     return inside
 
 
-def undecided_cells(matched: NDArray[np.bool_], others: NDArray[np.bool_], reach: int) -> NDArray[np.uint8]:
+def undecided_cells(matched: Bools, others: Bools, reach: int) -> Uint8s:
     """Mark the cells near a boundary as undecided: 0 outside, 1 inside, 2 undecided.
 
     All arrays are (m, n). `matched` and `others` are the cells of one side, and of the other; a cell may
@@ -264,6 +265,6 @@ def _classify_pixels(  # type: ignore[no-untyped-def]
 class ColorPlane:
     """Grey and validity of one band, (M, N), and the weight of each of its 64 bins as in `PixelWeights`."""
 
-    grey: NDArray[np.uint16]
-    valid: NDArray[np.uint8]
-    weights: NDArray[np.int64]
+    grey: Uint16s
+    valid: Uint8s
+    weights: Integers

@@ -10,11 +10,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Bools, Floats, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
-from uavseg.segmentation.sample.mixture import Points, SampleVote, sample_votes
+from uavseg.segmentation.sample.mixture import SampleVote, sample_votes
 from uavseg.units import GREY_LEVELS, GREY_MAX
 
 BLUR_HALO = 2  # pixels
@@ -34,10 +34,10 @@ _OTHERS = 0.05  # share of the raster that is certainly of other classes
 class Axes:
     """Weighted sums of many bands, as 16-bit numbers."""
 
-    weights: NDArray[np.float64]  # (axes, bands)
-    offsets: NDArray[np.float64]  # (axes,)
+    weights: Floats  # (axes, bands)
+    offsets: Floats  # (axes,)
 
-    def of(self, planes: Iterable[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+    def of(self, planes: Iterable[Uint16s]) -> Uint16s:
         """Sum bands, each (M, N), which are taken one after the other: (axes, M, N)."""
         total: Any = self.offsets[:, None, None]
         for weights, plane in zip(self.weights.T, planes, strict=True):
@@ -49,10 +49,10 @@ class Axes:
 class SimilarityTable:
     """Lookup table of the probability that a colour is of the sample's class."""
 
-    weights: NDArray[np.float64]  # (axes, bands): of the bands in each axis
-    lows: NDArray[np.float64]  # (axes,): start of the first bin of each axis
-    scales: NDArray[np.float64]  # (axes,): bins per unit
-    similarity: NDArray[np.uint16]  # (bins ** axes,): 65535 for 1; the last axis runs fastest
+    weights: Floats  # (axes, bands): of the bands in each axis
+    lows: Floats  # (axes,): start of the first bin of each axis
+    scales: Floats  # (axes,): bins per unit
+    similarity: Uint16s  # (bins ** axes,): 65535 for 1; the last axis runs fastest
     sample_mean: float  # mean probability of the sample's pixels
     raster_mean: float  # of the raster's pixels
     other_mean: float | None = None  # of pixels of samples of other classes
@@ -62,11 +62,7 @@ class SimilarityTable:
 
     @classmethod
     def fit(
-        cls,
-        points: NDArray[np.uint16],
-        sample: NDArray[np.uint16],
-        unlike: NDArray[np.uint16] | None = None,
-        finer: bool = False,
+        cls, points: Uint16s, sample: Uint16s, unlike: Uint16s | None = None, finer: bool = False
     ) -> "SimilarityTable":
         """Fit a table to (n, bands) blurred colours of a raster, of a sample, and of other classes if given.
 
@@ -118,11 +114,11 @@ class SimilarityTable:
         """Mean similarity of the sample less that of the other samples, or else of the raster."""
         return self.sample_mean - (self.raster_mean if self.other_mean is None else self.other_mean)
 
-    def of(self, colors: NDArray[np.uint16]) -> NDArray[np.uint16]:
+    def of(self, colors: Uint16s) -> Uint16s:
         """Look up the similarity of (n, bands) colours, 65535 for certain."""
         return np.asarray(self.apply([column[None] for column in colors.T])[0])
 
-    def apply(self, planes: Sequence[NDArray[np.uint16]]) -> NDArray[np.uint16]:
+    def apply(self, planes: Sequence[Uint16s]) -> Uint16s:
         """Look up the similarity of the pixels of blurred bands, each (M, N)."""
         stacked = np.stack(planes)
         result = np.empty(stacked.shape[1:], np.uint16)
@@ -134,7 +130,7 @@ class SimilarityTable:
         return result
 
     @cached_property
-    def _starts(self) -> NDArray[np.uint32]:
+    def _starts(self) -> Uint32s:
         """What each grey of each axis adds to the index of the table: (axes, 65536)."""
         bins, greys = _BINS[len(self.lows)], np.arange(GREY_LEVELS)
         places = np.clip((greys - self.lows[:, None]) * self.scales[:, None], 0, bins - 1).astype(np.uint32)
@@ -149,10 +145,10 @@ class _Decision:
     vote: SampleVote
     middle: float
     limit: float
-    found: NDArray[np.bool_]  # which points of the raster are of the class: those of one half and more
+    found: Bools  # which points of the raster are of the class: those of one half and more
 
     @classmethod
-    def of(cls, vote: SampleVote, points: Points, sample: Points, unlike: Points | None) -> "_Decision":
+    def of(cls, vote: SampleVote, points: Floats, sample: Floats, unlike: Floats | None) -> "_Decision":
         """Fit middle and limit to the similarity of the sample, and of the points or of other classes."""
         of_points, of_sample = vote.similarity(points), vote.similarity(sample)
         mean = float(of_sample.mean())
@@ -172,7 +168,7 @@ class _Decision:
         limit = float(min(max(falling[int(overlap.argmax())], minimum, 1e-3), 0.5))
         return cls(vote, middle, limit, found=_moved(similarity, limit) >= 0.5)
 
-    def similarity(self, points: Points) -> Points:
+    def similarity(self, points: Floats) -> Floats:
         """Compute the similarity of points; those of one half and more are of the class."""
         return _moved(_moved(self.vote.similarity(points), self.middle), self.limit)
 
@@ -182,7 +178,7 @@ class _Decision:
         return bool(both.sum() >= _AGREED * either.sum())
 
 
-def _decide(points: Points, sample: Points, unlike: Points | None) -> tuple[_Decision, _Decision | None]:
+def _decide(points: Floats, sample: Floats, unlike: Floats | None) -> tuple[_Decision, _Decision | None]:
     """Return the usual vote, or the one with seeded components if the two differ much; and a finer one."""
     # The usual one is better at the rim, where pixels of two classes are mixed.
     given = points, sample, unlike
@@ -193,7 +189,7 @@ def _decide(points: Points, sample: Points, unlike: Points | None) -> tuple[_Dec
     return chosen, finer if is_less and not chosen.agrees(finer) else None
 
 
-def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.uint16]:
+def blurred(grey: Uint16s, valid: Uint8s) -> Uint16s:
     """Blur by the binomial mean of 5 x 5 pixels, of those that are valid.
 
     The arrays are (M + 4, N + 4), the means (M, N), rounded down; 0 where no pixel is valid.
@@ -205,12 +201,12 @@ def blurred(grey: NDArray[np.uint16], valid: NDArray[np.uint8]) -> NDArray[np.ui
     return means
 
 
-def _moved(similarity: Points, middle: float) -> Points:
+def _moved(similarity: Floats, middle: float) -> Floats:
     """Stretch similarity so that `middle` becomes one half."""
     return np.interp(similarity, [0, middle, 1], [0, 0.5, 1])
 
 
-def _axes(points: Points, sample: Points) -> Points:
+def _axes(points: Floats, sample: Floats) -> Floats:
     """Return weights of bands: the bands themselves, or of more than three a projection to three axes."""
     # The first axis is Fisher's discriminant of sample and raster, the others are the principal components of
     # the rest. Few pixels of a sample do not tell how many bands vary together, so its scatter is averaged
@@ -232,12 +228,12 @@ def _axes(points: Points, sample: Points) -> Points:
     return np.asarray(np.stack([first, vectors[:, -1], vectors[:, -2]]) * scale)
 
 
-def _products(rows: Points) -> Points:
+def _products(rows: Floats) -> Floats:
     """Average the products of columns, in a fixed order: (bands, bands)."""
     return np.asarray(np.einsum("ni,nj->ij", rows, rows) / len(rows))
 
 
-def _project(colors: NDArray[np.uint16], weights: Points) -> Points:
+def _project(colors: Uint16s, weights: Floats) -> Floats:
     parts = [sum(weight * colors[:, k] for k, weight in enumerate(row)) for row in weights]
     return np.stack(parts, 1)
 

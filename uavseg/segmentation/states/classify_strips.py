@@ -244,7 +244,7 @@ def _state_table(limits: StateLimits) -> Uint8s:
 
 def _assemble_strip(
     strip: Sequence[Window], parts: Sequence[tuple[Window, _EncodedTile | None]], cols: int
-) -> state_scans.Codes:
+) -> Uint8s:
     """Assemble the codes of a strip from those of its tiles."""
     codes = np.zeros((whole_blocks(strip[0].rows), cols), np.uint8)
     for window, tile in parts:

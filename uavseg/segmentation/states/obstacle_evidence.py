@@ -26,11 +26,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import kernel
+from uavseg.arrays import Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import BLOCK, GREY_LEVELS, GREY_MAX
-
-Image = NDArray[np.uint8]
 
 MIN_CELLS = 3  # of an obstacle that is not attached to an occupied one, in a map of probabilities
 STRONG = 128  # bit of a cell with strong evidence
@@ -57,7 +56,7 @@ class EvidenceRule:
     without an occupied cell beside it, is an obstacle; so is one of strong cells with enough evidence.
     """
 
-    codes: NDArray[np.uint8]  # (65536,): evidence of each grey
+    codes: Uint8s  # (65536,): evidence of each grey
     min_cells: int
     min_evidence: int  # in eighths of a nat
 
@@ -90,7 +89,7 @@ class ValueStatistics:
     """Statistics of the values of a map, or of a tile of it."""
 
     levels: NDArray[np.int32]  # (4,): grey of each state by value; -1 for none, -2 for several
-    responses: NDArray[np.int64]  # (8192,): histogram of |response|, in bins of 64
+    responses: Integers  # (8192,): histogram of |response|, in bins of 64
 
     @classmethod
     def empty(cls) -> "ValueStatistics":
@@ -118,7 +117,7 @@ class ValueStatistics:
         return ValueStatistics(levels, self.responses + other.responses)
 
 
-def value_statistics(grey: NDArray[np.uint16], valid: Image, states: Image) -> ValueStatistics:
+def value_statistics(grey: Uint16s, valid: Uint8s, states: Uint8s) -> ValueStatistics:
     """Measure the statistics of the values of whole blocks: (M, N) arrays, multiples of 64.
 
     `states` are those of each pixel's value.
@@ -136,7 +135,7 @@ def value_statistics(grey: NDArray[np.uint16], valid: Image, states: Image) -> V
     return statistics
 
 
-def value_levels(grey: NDArray[np.uint16], valid: Image, states: Image) -> ValueStatistics:
+def value_levels(grey: Uint16s, valid: Uint8s, states: Uint8s) -> ValueStatistics:
     """Measure the levels of `value_statistics` alone, without responses."""
     statistics = ValueStatistics.empty()
     _find_levels(grey, valid, states, statistics.levels)

@@ -10,7 +10,7 @@ import numpy as np
 from uavseg.arrays import Uint8s
 from uavseg.errors import OutputError
 from uavseg.raster.grid.tiling import Window, whole_blocks
-from uavseg.segmentation.states.state_scans import Codes, decode_states
+from uavseg.segmentation.states.state_scans import decode_states
 
 MAX_IN_MEMORY = 64 << 20  # bytes: the codes of 128 million pixels; larger images go to a temporary file
 
@@ -36,7 +36,7 @@ class StateImage:
         """Columns, rounded up to whole blocks."""
         return self._cols
 
-    def write_codes(self, row: int, codes: Codes) -> None:
+    def write_codes(self, row: int, codes: Uint8s) -> None:
         """Write the codes of rows from `row` on, (rows, cols) with the columns of whole blocks."""
         try:
             self._file.seek(row * self._cols // 2)
@@ -44,7 +44,7 @@ class StateImage:
         except OSError as error:
             raise _disk_error(error) from error
 
-    def read_codes(self, row: int, rows: int) -> Codes:
+    def read_codes(self, row: int, rows: int) -> Uint8s:
         """Read the codes of rows, (rows, cols) with the columns of whole blocks; 0 outside the raster."""
         first, last = max(row, 0), min(row + rows, self._rows)
         codes = np.zeros((rows, self._cols), np.uint8)
@@ -68,13 +68,13 @@ class StateImage:
             yield window, self.read(window)
 
 
-def pack_codes(codes: Codes) -> Uint8s:
+def pack_codes(codes: Uint8s) -> Uint8s:
     """Pack codes two to a byte: (rows, cols / 2), the left half of each row in the low bits."""
     half = codes.shape[1] // 2
     return codes[:, :half] | codes[:, half:] << _HALF_BYTE
 
 
-def unpack_codes(pairs: Uint8s, codes: Codes) -> None:
+def unpack_codes(pairs: Uint8s, codes: Uint8s) -> None:
     """Unpack (rows, cols / 2) pairs into a (rows, cols) array, the inverse of `pack_codes`."""
     half = pairs.shape[1]
     np.bitwise_and(pairs, _LOW_BITS, out=codes[:, :half])

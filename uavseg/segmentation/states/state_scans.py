@@ -10,16 +10,14 @@ called half where the state of its value is unknown.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
+from uavseg.arrays import Integers, Uint8s
 
 LOOKAHEAD = 2  # rows after a strip that the resolution of free against occupied reads
 
-Codes = NDArray[np.uint8]
 
-
-def encode_states(states: NDArray[np.uint8], by_value: NDArray[np.uint8]) -> Codes:
+def encode_states(states: Uint8s, by_value: Uint8s) -> Uint8s:
     """Encode the states of pixels: 0 invalid, 1 free, 2 unknown, 3 occupied.
 
     `by_value` is the state of each pixel's value; ignored where a pixel is invalid.
@@ -32,12 +30,12 @@ def encode_states(states: NDArray[np.uint8], by_value: NDArray[np.uint8]) -> Cod
     return np.where(states > 0, states | by_value << np.uint8(2), np.uint8(0))
 
 
-def decode_states(codes: Codes) -> NDArray[np.uint8]:
+def decode_states(codes: Uint8s) -> Uint8s:
     """Decode the states of pixels: 0 invalid, 1 free, 2 unknown, 3 occupied."""
     return codes & np.uint8(3)
 
 
-def count_codes(codes: Codes) -> NDArray[np.int64]:
+def count_codes(codes: Uint8s) -> Integers:
     """Count the pixels by code, a (16,) int64 array."""
     counts = np.zeros(16, np.int64)
     _count_codes(codes, counts)

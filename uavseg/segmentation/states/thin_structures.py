@@ -20,7 +20,6 @@ from functools import partial
 from itertools import chain, groupby
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
 from uavseg.arrays import Bools, Integers, Uint8s, Uint32s
@@ -30,7 +29,6 @@ from uavseg.segmentation.components import WORD, label_components, union_roots
 from uavseg.segmentation.source import GreySource
 from uavseg.segmentation.states.obstacle_evidence import MIN_CELLS, EvidenceRule
 from uavseg.segmentation.states.state_image import StateImage
-from uavseg.segmentation.states.state_scans import Codes
 from uavseg.units import BLOCK, FREE, OCCUPIED, UNKNOWN
 
 _CHUNK_PIXELS = 1 << 22  # pixels of the rows that are labelled at once, unless 64 rows have more
@@ -40,8 +38,6 @@ _KEPT = OCCUPIED | OCCUPIED << 2
 # A candidate has a code that no other pixel has: its state, shifted left twice where its evidence is strong.
 _STRONG_SHIFT = 2
 _CERTAIN = 1 << 20  # evidence of a cell with v = 1: more than any rule requires
-
-Mask = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +97,7 @@ def _restore(
     return {FREE: int(restored[FREE]), UNKNOWN: int(restored[UNKNOWN])}
 
 
-def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[Uint32s, Bools], Bools]:
+def _chosen(mask: Uint8s, chosen: Bools) -> tuple[tuple[Uint32s, Bools], Bools]:
     """Label a chunk; return labels with whether each is chosen, and the choices of later chunks."""
     labels, count = label_components(mask, diagonally=True)
     return (labels, np.concatenate([[False], chosen[:count]])), chosen[count:]
@@ -109,7 +105,7 @@ def _chosen(mask: Mask, chosen: Bools) -> tuple[tuple[Uint32s, Bools], Bools]:
 
 def _read_chunks(
     source: GreySource, image: StateImage, rule: EvidenceRule, tile_pass: TilePass
-) -> Iterator[tuple[int, Codes, Uint8s]]:
+) -> Iterator[tuple[int, Uint8s, Uint8s]]:
     """Yield the first row of each chunk, its codes and its evidence, with one more row above and below."""
     at_once = max(_CHUNK_PIXELS // image.cols // BLOCK, 1) * BLOCK
     border = np.zeros((1, image.cols), np.uint8)
@@ -226,7 +222,7 @@ class ThinComponents:
     def __post_init__(self) -> None:
         self._above = np.zeros(self.cols, np.int64)
 
-    def add(self, mask: Mask, evidence: Mask, attached: Mask) -> tuple[Uint32s, int]:
+    def add(self, mask: Uint8s, evidence: Uint8s, attached: Uint8s) -> tuple[Uint32s, int]:
         """Add a chunk; return its labels, and the number of components in chunks before.
 
         The arrays are (M, N), with N a multiple of 8: 1 where a cell belongs to a component; its evidence; 1
