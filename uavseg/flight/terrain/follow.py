@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Bools, Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.items import FRAME_AMSL, FRAME_RELATIVE, FRAME_TERRAIN, HomePosition
@@ -109,7 +108,7 @@ class _ReturnPaths:
 
     # The ground on the flight itself is known exactly, that on these paths at k evenly spaced samples, from
     # home on; NaN where it is not known.
-    start: NDArray[np.int64]  # samples of the flight, (n,)
+    start: Integers  # samples of the flight, (n,)
     length_m: Floats  # (n,)
     lon: Floats  # (k, n)
     lat: Floats  # (k, n)
@@ -192,7 +191,7 @@ class WaypointHeights:
     frame: int  # MAV_FRAME: 0 above the sea, 3 above home, 10 above the terrain
     height_m: Floats  # above what `frame` says, (n,)
     takeoff_m: float  # height above home to which the vehicle climbs first
-    added: NDArray[np.bool_]  # on a leg, for its height alone: photographs continue there, (n,)
+    added: Bools  # on a leg, for its height alone: photographs continue there, (n,)
     speed_m_s: Floats  # on the leg to each waypoint, (n,)
 
 
