@@ -291,11 +291,17 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
 
 def transform_between(source: Any, target: Any) -> Transform:
     """Return the transform between two CRS (pyproj CRS or text), x first; RasterError if there is none."""
-    from pyproj.exceptions import ProjError
+    transform: Transform = transformer_between(source, target).transform
+    return transform
+
+
+def transformer_between(source: Any, target: Any, **how: bool) -> Any:
+    """Return as `transform_between` the pyproj Transformer, which is chosen as its options say."""
+    import pyproj
 
     try:
-        return _transformer(source, target)
-    except ProjError as error:
+        return pyproj.Transformer.from_crs(source, target, always_xy=True, **how)
+    except pyproj.exceptions.ProjError as error:
         what = f"two of the coordinate reference systems ({cause_of(error)})"
         raise RasterError(f"there is no transformation between {what}") from error
 

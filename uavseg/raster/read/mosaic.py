@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from affine import Affine
@@ -9,20 +10,25 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MosaicError
+from uavseg.plain_text import first_of
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
+from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read import bad_blocks
 from uavseg.raster.read.array_source import ArraySource
 from uavseg.raster.read.raster_file import RasterFile
+from uavseg.raster.read.warp import ReadPart, Warp, place_on
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
 GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
+_MAX_SKIPPED = 2  # pixels of a file in one of the grid; of more, most are never read
+_NAMED = 8  # files in a note
 
 Boxes = NDArray[np.int64]
 RasterSource = RasterFile | ArraySource
-Part = tuple[RasterSource, Window, tuple[slice, slice]]
-"""A file, a window of it, and the index of that in an array."""
+Part = tuple[RasterSource, Warp | None, Window, tuple[slice, slice]]
+"""A file, how it is warped, a window of what that gives, and the index of that in an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +38,7 @@ class Mosaic:
     files: tuple[RasterSource, ...]  # the first wins where they overlap
     boxes: Boxes  # (files, 4): first row, first column, end row and end column, in pixels of `geobox`
     geobox: GeoBox  # the smallest grid that contains all of them
+    warps: tuple[Warp | None, ...]  # of files that lie on another grid
 
     def parts(self, window: Window) -> Iterator[Part]:
         """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
@@ -40,9 +47,10 @@ class Mosaic:
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
         for index in np.flatnonzero(touched):
             file = self.files[index]
-            whole = Window(int(top[index]), int(left[index]), *file.shape)
+            warp = self.warps[index]
+            whole = Window(int(top[index]), int(left[index]), *(file.shape if warp is None else warp.shape))
             part = window.common(whole)
-            yield file, part.relative_to(whole), part.relative_to(window).slices
+            yield file, warp, part.relative_to(whole), part.relative_to(window).slices
 
     def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
         """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
@@ -54,31 +62,74 @@ class Mosaic:
         places = np.ceil(inside * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
         firsts, sizes = inside[:, :2] - self.boxes[:, :2], inside[:, 2:] - inside[:, :2]
         parts = np.hstack([firsts, sizes]).tolist()
-        for file, part, (row, col, end_row, end_col) in zip(self.files, parts, places.tolist(), strict=True):
+        files = zip(self.files, self.warps, parts, places.tolist(), strict=True)
+        for file, warp, part, (row, col, end_row, end_col) in files:
             if row < end_row and col < end_col:
-                yield file, Window(*part), (slice(row, end_row), slice(col, end_col))
+                yield file, warp, Window(*part), (slice(row, end_row), slice(col, end_col))
 
     def cut(self, window: Window) -> "Mosaic":
         """Return the part inside a window."""
         boxes = self.boxes - np.tile([window.row, window.col], 2)
-        return Mosaic(self.files, boxes, self.geobox.window(window))
+        return replace(self, boxes=boxes, geobox=self.geobox.window(window))
 
 
-def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
+def align_rasters(files: Sequence[RasterSource], warp: bool | None = False) -> Mosaic:
     """Return the grid that contains all files, and the position of each file on it.
 
-    A MosaicError says that one differs from the first in CRS, resolution or bands, or is not aligned with its
-    pixel grid.
+    With `warp`, files of another CRS or resolution, or that are not aligned with the pixel grid of the first,
+    are read on that. A MosaicError says that one differs from the first otherwise, or without `warp` in
+    these; where that is None, it does not name `warp`.
     """
     first = files[0]
     if len(files) == 1:
         geobox = GeoBox(first.shape, first.transform, first.crs)
-        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox)
-    corners = np.array([_corner(file, first) for file in files])
-    boxes = np.hstack([corners, corners + np.array([file.shape for file in files])])
+        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox, (None,))
+    corners = [_corner(file, first, warp) for file in files]
+    aligned = [n for n, corner in enumerate(corners) if corner is not None]
+    pairs = zip(corners, files, strict=True)
+    boxes = np.array([[*corner, *file.shape] for corner, file in pairs if corner is not None])
+    boxes[:, 2:] += boxes[:, :2]
     boxes -= np.tile(boxes[:, :2].min(axis=0), 2)
     rows, cols = boxes[:, 2:].max(axis=0).tolist()
-    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), _origin(files, boxes), first.crs))
+    grid = GeoBox((rows, cols), _origin([files[n] for n in aligned], boxes), first.crs)
+    if len(aligned) == len(files):
+        return Mosaic(tuple(files), boxes, grid, (None,) * len(files))
+    placed = {n: place_on(grid, file, first.path) for n, file in enumerate(files) if corners[n] is None}
+    places = dict(zip(aligned, boxes.tolist(), strict=True))
+    for n, (one, (row, col)) in placed.items():
+        places[n] = [row, col, row + one.shape[0], col + one.shape[1]]
+    boxes = np.array([places[n] for n in range(len(files))])
+    row, col = boxes[:, :2].min(axis=0).tolist()
+    boxes -= np.tile([row, col], 2)
+    rows, cols = boxes[:, 2:].max(axis=0).tolist()
+    warps = tuple(placed[n][0] if n in placed else None for n in range(len(files)))
+    return Mosaic(tuple(files), boxes, grid.window(Window(row, col, rows, cols)), warps)
+
+
+def warp_notes(mosaic: Mosaic) -> tuple[str, ...]:
+    """Return which files are read on the grid of the first one, and what that loses."""
+    first = mosaic.files[0]
+    pairs = [(file, warp) for file, warp in zip(mosaic.files, mosaic.warps, strict=True) if warp is not None]
+    if not pairs:
+        return ()
+    names = [f"{file.name} ({_grid_name(file)})" for file, _ in pairs]
+    grid = f"{first.name} ({_grid_name(first)})"
+    notes = [f"read by nearest neighbour on the pixel grid of {grid}: {first_of(names, _NAMED)}"]
+    coarse = [file.name for file, warp in pairs if warp.file_pixels > _MAX_SKIPPED]
+    if coarse:
+        notes.append(
+            f"pixels of {first.name} are more than {_MAX_SKIPPED} times as wide as those of "
+            f"{first_of(coarse, _NAMED)}, of which the others are skipped; for their mean, warp it with "
+            "gdalwarp -r average, or name the finer file first"
+        )
+    side = min(ground_resolution(mosaic.geobox))
+    rough = [f"{file.name} ({warp.error_m:g} m)" for file, warp in pairs if warp.error_m > side]
+    if rough:
+        notes.append(
+            f"the transformation between the CRS is known less exactly than a pixel of {first.name}: "
+            f"{first_of(rough, _NAMED)}"
+        )
+    return tuple(notes)
 
 
 def with_nodata(
@@ -140,27 +191,33 @@ def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
     return shifted(files[first].transform, -row, -col)
 
 
-def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
-    """Return row and column, on the grid of `first`, of the first pixel of `file`."""
-    _check_traits(file, first)
+def _corner(file: RasterSource, first: RasterSource, warp: bool | None) -> tuple[int, int] | None:
+    """Return row and column, on the grid of `first`, of the first pixel of `file`; None if it is warped."""
+    _check_traits(file, first, warp)
     rows, cols = file.shape
     (row, col), (low_row, low_col), (right_row, right_col) = (
         _on_grid(first.transform, shifted(file.transform, *corner))
         for corner in ((0, 0), (rows, 0), (0, cols))
     )
     drifts = (low_row - row - rows, low_col - col, right_row - row, right_col - col - cols)
+    off = max(abs(col - round(col)), abs(row - round(row)))
+    if warp and (not _have_one_crs(file, first) or max(*map(abs, drifts), off) > GRID_TOLERANCE):
+        return None
     if max(map(abs, drifts)) > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
-            f"{_pixel(first.transform)}; the rasters of a mosaic must agree"
+            f"{_pixel(first.transform)}; the rasters of a mosaic must agree{_or_warp(warp)}"
         )
-    off = max(abs(col - round(col)), abs(row - round(row)))
     if off > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} lies {off:.3f} pixels off the pixel grid of {first.path}; "
-            "resample it with gdalwarp -tap"
+            f"resample it with gdalwarp -tap{_or_warp(warp)}"
         )
     return round(row), round(col)
+
+
+def _or_warp(warp: bool | None) -> str:
+    return "" if warp is None else ", or give --warp (warp=True), which reads it on that grid"
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
@@ -170,7 +227,12 @@ def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
 
 
-def _check_traits(file: RasterSource, first: RasterSource) -> None:
+def _have_one_crs(file: RasterSource, first: RasterSource) -> bool:
+    return _crs_name(file) == _crs_name(first) or file.crs == first.crs
+
+
+def _check_traits(file: RasterSource, first: RasterSource, warp: bool | None) -> None:
+    have_crs = file.crs is not None and first.crs is not None
     for name, value, reference in (
         ("CRS", _crs_name(file), _crs_name(first)),
         ("georeferencing", file.located, first.located),
@@ -179,11 +241,13 @@ def _check_traits(file: RasterSource, first: RasterSource) -> None:
         ("bits of bands", file.layout.bits, first.layout.bits),
         ("colours of bands", _roles(file, first), _roles(first, file)),
     ):
-        if value != reference and not (name == "CRS" and file.crs == first.crs):
-            raise MosaicError(
-                f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
-                "the rasters of a mosaic must agree"
-            )
+        if value == reference or (name == "CRS" and (_have_one_crs(file, first) or (warp and have_crs))):
+            continue
+        hint = _or_warp(warp) if name == "CRS" and have_crs else ""
+        raise MosaicError(
+            f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
+            f"the rasters of a mosaic must agree{hint}"
+        )
 
 
 def _roles(file: RasterSource, other: RasterSource) -> str:
@@ -194,6 +258,10 @@ def _roles(file: RasterSource, other: RasterSource) -> str:
 
 def _crs_name(file: RasterSource) -> str:
     return "none" if file.crs is None else str(file.crs.to_string())
+
+
+def _grid_name(file: RasterSource) -> str:
+    return f"pixels of {_pixel(file.transform)}, CRS {_crs_name(file)}"
 
 
 def _pixel(transform: Affine) -> str:
@@ -210,7 +278,7 @@ class PartReader:
 
     def read(self, file: RasterSource, part: Window) -> tuple[Values, Valid | None]:
         """Return values and validity of a window of a file."""
-        values, valid, bad = self._read_part(file, part, (part.rows, part.cols))
+        values, valid, bad = self._read_part(file, None, part, (part.rows, part.cols))
         for block, _ in bad:
             bad_blocks.record_bad_block(block)
         return values, valid
@@ -219,14 +287,13 @@ class PartReader:
         self, shape: tuple[int, int], parts: Iterable[Part], dtype: np.dtype[np.generic]
     ) -> tuple[Values, Valid | None]:
         """Merge values and validity of parts of files in a window, in the order of their rank."""
-        planes = self.choice.planes if self.choice.formula is None else 1
-        values = np.zeros((planes, *shape), dtype)
+        values = np.zeros((self._planes, *shape), dtype)
         filled = np.zeros(shape, bool)
-        for file, part, (rows, cols) in parts:
+        for file, warp, part, (rows, cols) in parts:
             missing = ~filled[rows, cols]
             if not missing.any():
                 continue
-            pixels, valid, bad = self._read_part(file, part, missing.shape)
+            pixels, valid, bad = self._read_part(file, warp, part, missing.shape)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
                     bad_blocks.record_bad_block(block)
@@ -236,10 +303,18 @@ class PartReader:
             filled[rows, cols] |= missing
         return values, None if filled.all() else filled
 
+    @property
+    def _planes(self) -> int:
+        return self.choice.planes if self.choice.formula is None else 1
+
     def _read_part(
-        self, file: RasterSource, part: Window, shape: tuple[int, int]
-    ) -> tuple[Values, Valid | None, Sequence[bad_blocks.MissingPart]]:
+        self, file: RasterSource, warp: Warp | None, part: Window, shape: tuple[int, int]
+    ) -> ReadPart:
         """Return values and validity of a part of a file, and which blocks of it cannot be read."""
+        if warp is not None:
+            dtype = self.choice.dtype if self.choice.formula is None else np.dtype(np.float32)
+            empty = np.empty((self._planes, 0, 0), dtype)
+            return warp.read(part, shape, partial(self._read_part, file, None), empty)
         bad: Sequence[bad_blocks.MissingPart] = ()
         if not isinstance(file, RasterFile):
             values, valid = file.read(self.handles, self.choice, part, shape)
