@@ -136,8 +136,8 @@ def extract(
         pixels whose centres lie in no polygon count as nodata.
         An array in memory has none.
     warp : bool
-        Whether files of a mosaic that have another CRS, another resolution or a shifted pixel grid are read
-        on the grid of the first one, by nearest neighbour, with a warning; no effect on a single raster.
+        Whether files of a mosaic of another CRS or resolution, or a shifted grid, are read on the grid of the
+        first, by nearest neighbour, with a warning; no effect on a single raster.
     allow_path : path or sequence of paths
         Folders in which the contents of files may name others (sources of a VRT, the image of a ROS map, the
         raster of a block map), beside their own folder.

@@ -13,17 +13,16 @@ from uavseg.errors import MosaicError
 from uavseg.plain_text import first_of
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
-from uavseg.raster.grid.ground import ground_resolution
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read import bad_blocks
 from uavseg.raster.read.array_source import ArraySource
 from uavseg.raster.read.raster_file import RasterFile
-from uavseg.raster.read.warp import ReadPart, Warp, place_on
+from uavseg.raster.read.warp import Warp, place_on
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
 GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
-_MAX_SKIPPED = 2  # pixels of a file in one of the grid; of more, most are never read
 _NAMED = 8  # files in a note
+_HINTS = {None: "", False: ", or give --warp (warp=True), which reads it on that grid"}
 
 Boxes = NDArray[np.int64]
 RasterSource = RasterFile | ArraySource
@@ -47,10 +46,10 @@ class Mosaic:
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
         for index in np.flatnonzero(touched):
             file = self.files[index]
-            warp = self.warps[index]
-            whole = Window(int(top[index]), int(left[index]), *(file.shape if warp is None else warp.shape))
+            row, col, end_row, end_col = self.boxes[index].tolist()
+            whole = Window(row, col, end_row - row, end_col - col)
             part = window.common(whole)
-            yield file, warp, part.relative_to(whole), part.relative_to(window).slices
+            yield file, self.warps[index], part.relative_to(whole), part.relative_to(window).slices
 
     def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
         """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
@@ -82,54 +81,22 @@ def align_rasters(files: Sequence[RasterSource], warp: bool | None = False) -> M
     """
     first = files[0]
     if len(files) == 1:
-        geobox = GeoBox(first.shape, first.transform, first.crs)
-        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox, (None,))
-    corners = [_corner(file, first, warp) for file in files]
-    aligned = [n for n, corner in enumerate(corners) if corner is not None]
-    pairs = zip(corners, files, strict=True)
-    boxes = np.array([[*corner, *file.shape] for corner, file in pairs if corner is not None])
-    boxes[:, 2:] += boxes[:, :2]
+        return Mosaic((first,), np.array([[0, 0, *first.shape]]), _geobox(first), (None,))
+    warps, corners = zip(*(_placed(file, first, warp) for file in files), strict=True)
+    grids = [_geobox(file) if one is None else one.grid for file, one in zip(files, warps, strict=True)]
+    boxes = np.hstack([corners, np.array(corners) + [grid.shape for grid in grids]])
     boxes -= np.tile(boxes[:, :2].min(axis=0), 2)
     rows, cols = boxes[:, 2:].max(axis=0).tolist()
-    grid = GeoBox((rows, cols), _origin([files[n] for n in aligned], boxes), first.crs)
-    if len(aligned) == len(files):
-        return Mosaic(tuple(files), boxes, grid, (None,) * len(files))
-    placed = {n: place_on(grid, file, first.path) for n, file in enumerate(files) if corners[n] is None}
-    places = dict(zip(aligned, boxes.tolist(), strict=True))
-    for n, (one, (row, col)) in placed.items():
-        places[n] = [row, col, row + one.shape[0], col + one.shape[1]]
-    boxes = np.array([places[n] for n in range(len(files))])
-    row, col = boxes[:, :2].min(axis=0).tolist()
-    boxes -= np.tile([row, col], 2)
-    rows, cols = boxes[:, 2:].max(axis=0).tolist()
-    warps = tuple(placed[n][0] if n in placed else None for n in range(len(files)))
-    return Mosaic(tuple(files), boxes, grid.window(Window(row, col, rows, cols)), warps)
+    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), _origin(grids, boxes), first.crs), warps)
 
 
 def warp_notes(mosaic: Mosaic) -> tuple[str, ...]:
-    """Return which files are read on the grid of the first one, and what that loses."""
+    """Return a note of which files are read on the grid of the first one, and what that loses."""
     first = mosaic.files[0]
-    pairs = [(file, warp) for file, warp in zip(mosaic.files, mosaic.warps, strict=True) if warp is not None]
-    if not pairs:
-        return ()
-    names = [f"{file.name} ({_grid_name(file)})" for file, _ in pairs]
-    grid = f"{first.name} ({_grid_name(first)})"
-    notes = [f"read by nearest neighbour on the pixel grid of {grid}: {first_of(names, _NAMED)}"]
-    coarse = [file.name for file, warp in pairs if warp.file_pixels > _MAX_SKIPPED]
-    if coarse:
-        notes.append(
-            f"pixels of {first.name} are more than {_MAX_SKIPPED} times as wide as those of "
-            f"{first_of(coarse, _NAMED)}, of which the others are skipped; for their mean, warp it with "
-            "gdalwarp -r average, or name the finer file first"
-        )
-    side = min(ground_resolution(mosaic.geobox))
-    rough = [f"{file.name} ({warp.error_m:g} m)" for file, warp in pairs if warp.error_m > side]
-    if rough:
-        notes.append(
-            f"the transformation between the CRS is known less exactly than a pixel of {first.name}: "
-            f"{first_of(rough, _NAMED)}"
-        )
-    return tuple(notes)
+    pairs = zip(mosaic.files, mosaic.warps, strict=True)
+    names = [f"{file.name} ({_grid_name(file)}{warp.loss})" for file, warp in pairs if warp is not None]
+    grid = f"read by nearest neighbour on the pixel grid of {first.name} ({_grid_name(first)})"
+    return (f"{grid}: {first_of(names, _NAMED)}",) if names else ()
 
 
 def with_nodata(
@@ -179,7 +146,11 @@ def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -
     return bool(first == second or (first != first and second != second))
 
 
-def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
+def _geobox(file: RasterSource) -> GeoBox:
+    return GeoBox(file.shape, file.transform, file.crs)
+
+
+def _origin(files: Sequence[GeoBox], boxes: Boxes) -> Affine:
     """Return the transform of the common grid, by files at its edges: neither order nor rounding moves it."""
     t = Affine(*min(tuple(file.transform)[:6] for file in files))
     if t.b == 0 == t.d:
@@ -191,8 +162,10 @@ def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
     return shifted(files[first].transform, -row, -col)
 
 
-def _corner(file: RasterSource, first: RasterSource, warp: bool | None) -> tuple[int, int] | None:
-    """Return row and column, on the grid of `first`, of the first pixel of `file`; None if it is warped."""
+def _placed(
+    file: RasterSource, first: RasterSource, warp: bool | None
+) -> tuple[Warp | None, tuple[int, int]]:
+    """Return how `file` is warped, and the row and column of its first pixel on the grid of `first`."""
     _check_traits(file, first, warp)
     rows, cols = file.shape
     (row, col), (low_row, low_col), (right_row, right_col) = (
@@ -201,23 +174,19 @@ def _corner(file: RasterSource, first: RasterSource, warp: bool | None) -> tuple
     )
     drifts = (low_row - row - rows, low_col - col, right_row - row, right_col - col - cols)
     off = max(abs(col - round(col)), abs(row - round(row)))
-    if warp and (not _have_one_crs(file, first) or max(*map(abs, drifts), off) > GRID_TOLERANCE):
-        return None
+    if warp and (file.crs != first.crs or max(*map(abs, drifts), off) > GRID_TOLERANCE):
+        return place_on(_geobox(first), _geobox(file), (first.path, file.path))
     if max(map(abs, drifts)) > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
-            f"{_pixel(first.transform)}; the rasters of a mosaic must agree{_or_warp(warp)}"
+            f"{_pixel(first.transform)}; the rasters of a mosaic must agree{_HINTS[warp]}"
         )
     if off > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} lies {off:.3f} pixels off the pixel grid of {first.path}; "
-            f"resample it with gdalwarp -tap{_or_warp(warp)}"
+            f"resample it with gdalwarp -tap{_HINTS[warp]}"
         )
-    return round(row), round(col)
-
-
-def _or_warp(warp: bool | None) -> str:
-    return "" if warp is None else ", or give --warp (warp=True), which reads it on that grid"
+    return None, (round(row), round(col))
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
@@ -227,27 +196,21 @@ def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
 
 
-def _have_one_crs(file: RasterSource, first: RasterSource) -> bool:
-    return _crs_name(file) == _crs_name(first) or file.crs == first.crs
-
-
 def _check_traits(file: RasterSource, first: RasterSource, warp: bool | None) -> None:
-    have_crs = file.crs is not None and first.crs is not None
     for name, value, reference in (
-        ("CRS", _crs_name(file), _crs_name(first)),
+        ("CRS", _crs_name(first if file.crs == first.crs else file), _crs_name(first)),
         ("georeferencing", file.located, first.located),
         ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
         ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
         ("bits of bands", file.layout.bits, first.layout.bits),
         ("colours of bands", _roles(file, first), _roles(first, file)),
     ):
-        if value == reference or (name == "CRS" and (_have_one_crs(file, first) or (warp and have_crs))):
-            continue
-        hint = _or_warp(warp) if name == "CRS" and have_crs else ""
-        raise MosaicError(
-            f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
-            f"the rasters of a mosaic must agree{hint}"
-        )
+        may_warp = name == "CRS" and file.crs is not None and first.crs is not None
+        if value != reference and not (warp and may_warp):
+            raise MosaicError(
+                f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
+                f"the rasters of a mosaic must agree{_HINTS[warp] if may_warp else ''}"
+            )
 
 
 def _roles(file: RasterSource, other: RasterSource) -> str:
@@ -278,7 +241,7 @@ class PartReader:
 
     def read(self, file: RasterSource, part: Window) -> tuple[Values, Valid | None]:
         """Return values and validity of a window of a file."""
-        values, valid, bad = self._read_part(file, None, part, (part.rows, part.cols))
+        values, valid, bad = self._read_part(file, part, (part.rows, part.cols))
         for block, _ in bad:
             bad_blocks.record_bad_block(block)
         return values, valid
@@ -287,13 +250,16 @@ class PartReader:
         self, shape: tuple[int, int], parts: Iterable[Part], dtype: np.dtype[np.generic]
     ) -> tuple[Values, Valid | None]:
         """Merge values and validity of parts of files in a window, in the order of their rank."""
-        values = np.zeros((self._planes, *shape), dtype)
+        planes = self.choice.planes if self.choice.formula is None else 1
+        values = np.zeros((planes, *shape), dtype)
         filled = np.zeros(shape, bool)
         for file, warp, part, (rows, cols) in parts:
             missing = ~filled[rows, cols]
             if not missing.any():
                 continue
-            pixels, valid, bad = self._read_part(file, warp, part, missing.shape)
+            read = partial(self._read_part, file)
+            how = part, missing.shape
+            pixels, valid, bad = read(*how) if warp is None else warp.read(*how, read, values)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
                     bad_blocks.record_bad_block(block)
@@ -303,18 +269,10 @@ class PartReader:
             filled[rows, cols] |= missing
         return values, None if filled.all() else filled
 
-    @property
-    def _planes(self) -> int:
-        return self.choice.planes if self.choice.formula is None else 1
-
     def _read_part(
-        self, file: RasterSource, warp: Warp | None, part: Window, shape: tuple[int, int]
-    ) -> ReadPart:
+        self, file: RasterSource, part: Window, shape: tuple[int, int]
+    ) -> tuple[Values, Valid | None, Sequence[bad_blocks.MissingPart]]:
         """Return values and validity of a part of a file, and which blocks of it cannot be read."""
-        if warp is not None:
-            dtype = self.choice.dtype if self.choice.formula is None else np.dtype(np.float32)
-            empty = np.empty((self._planes, 0, 0), dtype)
-            return warp.read(part, shape, partial(self._read_part, file, None), empty)
         bad: Sequence[bad_blocks.MissingPart] = ()
         if not isinstance(file, RasterFile):
             values, valid = file.read(self.handles, self.choice, part, shape)
