@@ -104,8 +104,7 @@ class ReadOptions(Options):
         "Read only what lies in the polygons of this file; the rest counts as nodata.", metavar="FILE"
     )
     warp: bool = option(
-        "Read files of a mosaic of another grid or CRS on that of the first, by nearest pixel.",
-        default=False,
+        "Read files of another grid or CRS on the grid of the first, by nearest pixel.", default=False
     )
     free_is_white: bool | None = option(
         "Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
