@@ -21,6 +21,7 @@ from uavseg.raster.read.bad_blocks import recording_bad_blocks
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.read.warp import bends, place_in, place_on
+from uavseg.raster.spectral.formula import BandWords
 
 FIRST = GeoBox((6, 8), Affine(0.5, 0, 640000.2, 0, -0.5, 5400000.3), CRS.from_epsg(32632))
 SHAPE = (40, 50)
@@ -267,6 +268,45 @@ def test_pixels_are_valid_where_those_of_the_file_are(write_raster, kind):
     expected = all_valid & ~holes.ravel()[np.where(all_valid, all_values[0].astype(int) - 1, 0)]
     assert np.array_equal(valid, expected)
     assert np.array_equal(values[0][valid], all_values[0][valid])
+
+
+@pytest.mark.parametrize(
+    "how", [{"words": BandWords(expr="(b1 - b2) / (b1 + b2)")}, {"rgb": (1, 2, 3)}, {"band": 2}], ids=str
+)
+def test_bands_are_combined_as_in_the_file_itself(write_raster, how):
+    bands = np.random.default_rng(8).integers(1, 255, (3, *SHAPE)).astype(np.uint8)
+    crs, transform = CASES["next zone"]
+    empty = np.zeros((3, *FIRST.shape), np.uint8)
+    first = write_raster(empty, transform=FIRST.transform, crs=FIRST.crs, nodata=0)
+    other = write_raster(bands, transform=transform, crs=f"EPSG:{crs}", nodata=0)
+    dataset, alone = Dataset.open([first, other], warp=True, **how), Dataset.open(other, **how)
+    values, valid = read(dataset)
+    row, col, end_row, end_col = dataset.mosaic.boxes[1].tolist()
+    warp = dataset.mosaic.warps[1]
+    rows, cols, inside = warp.pixels(*(np.arange(length) for length in warp.grid.shape))
+    pixels, known = read(alone)
+    assert values.dtype == pixels.dtype and len(values) == len(pixels)
+    assert np.array_equal(valid[row:end_row, col:end_col], inside & known[rows, cols])
+    found = values[:, row:end_row, col:end_col][:, inside]
+    assert np.array_equal(found, pixels[:, rows, cols][:, inside], equal_nan=True)
+
+
+def test_an_array_with_coordinates_is_warped(write_raster):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("rioxarray")
+    crs, transform = CASES["shifted"]
+    names = [
+        write_raster(np.zeros(FIRST.shape, np.uint16), transform=FIRST.transform, crs=FIRST.crs, nodata=0),
+        write_raster(IMAGE, transform=transform, crs=f"EPSG:{crs}", nodata=0),
+    ]
+    y, x = (
+        transform.f + transform.e * (np.arange(40) + 0.5),
+        transform.c + transform.a * (np.arange(50) + 0.5),
+    )
+    array = xarray.DataArray(IMAGE, dims=("y", "x"), coords={"y": y, "x": x}).rio.write_crs(crs)
+    found, expected = (Dataset.open([names[0], one], warp=True) for one in (array, names[1]))
+    assert found.geobox.shape == expected.geobox.shape
+    assert np.array_equal(read(found)[0][0][read(found)[1]], read(expected)[0][0][read(expected)[1]])
 
 
 def test_a_downsampled_read_has_pixels_near_its_own(write_raster):

@@ -147,15 +147,13 @@ class Dataset:
             Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
             anything that GDAL opens. A DataArray needs rioxarray. An array is (rows, cols), or has at most 16
             bands first or last; it has no place on the map, and is no part of a mosaic.
-        band, rgb, skip_bad_tiles
-            As of `uavseg.extract`.
+        band, rgb, skip_bad_tiles, warp
+            As of `uavseg.extract`; with None for `warp`, errors do not propose it.
         nodata : float or str, optional
             A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
             place, "none" leaves it out.
         words : BandWords
             An index or an expression to use in place of a band, and names for the bands.
-        warp : bool, optional
-            As of `uavseg.extract`. None is False where errors should not propose it.
 
         Raises
         ------

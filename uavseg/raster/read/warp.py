@@ -33,7 +33,7 @@ _TIE = 1e-3  # pixels of the file: a centre so near to an edge, as of grids half
 _PARTS = 32  # in which the sides of a file are divided to find its bounds
 _ROUND_TRIP = 0.1  # pixels of the file
 _MOST_READ = 2896  # pixels of the file: side of what is read at once
-_SIDE = 1024  # the same in pixels of the mosaic
+_SIDE = 512  # the same in pixels of the mosaic
 _SKIPPING = 2  # pixels of the file in one of the mosaic: of more, most are never read
 
 
@@ -70,8 +70,9 @@ class Warp:
             row, col = np.maximum(row - low, 0), np.maximum(col - first, 0)
             if sampled:
                 row, col = row * size[0] // box.rows, col * size[1] // box.cols
-            values[:, *place] = found[:, row, col]
-            valid[place] = inside if known is None else inside & known[row, col]
+            at = row * size[1] + col
+            values[:, *place] = found.reshape(len(found), -1).take(at, axis=1)
+            valid[place] = inside if known is None else inside & known.take(at)
             for block, (down, across) in missing:
                 lost = inside & (row >= down.start) & (row < down.stop)
                 i, j = np.nonzero(lost & (col >= across.start) & (col < across.stop))
@@ -144,7 +145,7 @@ def place_on(grid: GeoBox, file: GeoBox, names: tuple[str, str]) -> tuple[Warp, 
     end_row, end_col = np.floor(place.max(axis=(1, 2)) + bent + 0.5 + _TIE).astype(int).tolist()
     part = grid.window(Window(row, col, max(end_row - row, 1), max(end_col - col, 1)))
     ratio = max(end / _PARTS / step for end, step in zip(file.shape, steps, strict=True))
-    loss = f", 1 of {ratio**2:.0f} pixels" if ratio > _SKIPPING else ""
+    loss = f", 1 of {ratio**2:,.0f} pixels" if ratio > _SKIPPING else ""
     error_m = 0.0
     if file.crs != grid.crs:
         used = _transformer(file.wkt, grid.wkt)
