@@ -101,6 +101,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
         write("west.tif", patches(3)[:, :90], nodata=0, **UTM)
         east = {"crs": UTM["crs"], "transform": UTM["transform"] @ Affine.translation(90, 0)}
         write("east.tif", patches(3)[:, 90:], nodata=0, **east)
+        other = {"crs": "EPSG:32617", "transform": Affine(-1.9, 0.1, 872_080, 0.1, 1.9, 5_009_830)}
+        write("other.tif", patches(3)[:, 90:], nodata=0, **other)
         Path("halves").mkdir()
         for name in ("west.tif", "east.tif"):
             shutil.copy(name, "halves")
@@ -270,6 +272,10 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("deep.tif", {"range": (0.4, 0.8), "min_area": 50.0}),
     (["west.tif", "east.tif"], {"range": (0.3, 0.7)}),
     (["west.tif", "two.tif"], {"range": (0.3, 0.7)}),
+    (["west.tif", "other.tif"], {"range": (0.3, 0.7), "warp": True}),
+    (["west.tif", "other.tif"], {"range": (0.3, 0.7)}),
+    (["west.tif", "two.tif"], {"range": (0.3, 0.7), "warp": True}),
+    ("ros.yaml", {"range": (0.4, 1), "warp": True}),
     ("halves", {"range": (0.3, 0.7)}),
     ("[ew]*st.tif", {"range": (0.3, 0.7)}),
     ("@halves.txt", {"range": (0.3, 0.7)}),
@@ -709,6 +715,7 @@ def test_ranges_of_samples(source: Any, words: Words) -> None:
             ("deep.tif", {}),
             ("deep.tif", {"stretch": "0,60000"}),
             (["west.tif", "east.tif"], {}),
+            (["other.tif", "east.tif"], {"warp": True}),
             (["west.tif", "two.tif"], {}),
             ("black.tif", {"stretch": "minmax"}),
             ("cut.tif", {"skip_bad_tiles": True}),
@@ -1291,6 +1298,7 @@ def test_a_home_that_is_no_position_is_refused(home: Any) -> None:
         ("cut.tif", {"skip_bad_tiles": True}),
         ("cut.tif", {}),
         (["west.tif", "east.tif"], {}),
+        (["west.tif", "other.tif"], {"warp": True}),
         (["west.tif", "two.tif"], {}),
         ("blocks.tif", {}),
         ("ros.yaml", {}),

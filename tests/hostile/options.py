@@ -47,7 +47,8 @@ def case(rng: Random) -> Case:
 
 def _files() -> dict[str, bytes]:
     drawn = seeds.missions()
-    pictures = {"rgb.tif": seeds.rasters()["jpeg.tif"], "g.tif": seeds.rasters()["lerc.tif"]}
+    names = {"rgb.tif": "jpeg.tif", "g.tif": "lerc.tif", "w.tif": "near.tif"}
+    pictures = {name: seeds.rasters()[seed] for name, seed in names.items()}
     others = pictures | {"b.tif": seeds.block_map()["b.tif"], "m.pgm": seeds.ros_maps()["m.pgm"]}
     names = ("r.geojson", "lv.geojson", "cl.geojson", "r.gpkg", "r.kml", "r.parquet", "r.fgb")
     regions = {name: seeds.vectors()[name] for name in names}

@@ -124,6 +124,9 @@ COMMANDS: tuple[Arguments, ...] = (
     ("serve", "x.tif", "--size", "64", *ONE),
     ("plan", "r.geojson", "-o", "out.plan", "--altitude", "50", "--home", "auto", "--dem", "x.tif"),
     ("extract", "x.tif", "y.tif", "--range", "0.4,1", "-o", "out.geojson", *ONE),
+    ("extract", "x.tif", "y.tif", "--warp", "--range", "0.4,1", "-o", "out.geojson", *ONE),
+    ("extract", "y.tif", "x.tif", "--warp", "--range", "0.4,1", "-o", "out.geojson", *ONE),
+    ("info", "y.tif", "x.tif", "--warp", "--json"),
 )
 STRETCHED = ("extract", "levels", "divide", "suggest", "info")
 SAME: tuple[Arguments, ...] = (
@@ -163,7 +166,7 @@ def case(rng: Random) -> Case:
         return Case(files | _samples(command), commands, ("o0", "o1"), same=True)
     command = rng.choice(COMMANDS)
     if "y.tif" in command:
-        files["y.tif"] = known["deflate.tif"]
+        files["y.tif"] = known["near.tif" if "--warp" in command else "deflate.tif"]
     if "r.geojson" in command:
         files["r.geojson"] = seeds.vectors()["r.geojson"]
     if command[0] in STRETCHED and chosen(rng, 0.3):

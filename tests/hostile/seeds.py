@@ -94,6 +94,8 @@ def rasters() -> Files:
         write_tif(
             folder, "degrees.tif", small, crs="EPSG:4326", transform=Affine(1e-4, 0, 15, 0, -1e-4, 40.6)
         )
+        near = Affine(1e-5, 0, 15.0008, 0, -1e-5, 40.6507)  # on other pixels of the same ground
+        write_tif(folder, "near.tif", small, crs="EPSG:4326", transform=near, nodata=0)
         write_tif(
             folder, "sparse.tif", np.zeros((200, 200), np.uint8), sparse_ok=True, nodata=0, **TILED, **UTM
         )

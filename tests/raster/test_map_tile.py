@@ -26,7 +26,7 @@ ROWS, COLS = 300, 330  # the tile begins at row 20 and column 30
 RNG = np.random.default_rng(3)
 
 
-def write(path: Path, bands: Any, col: int = 0, **how: Any) -> Path:
+def write(path: Path, bands: Any, col: float = 0, **how: Any) -> Path:
     """A raster whose pixels are those of the tiles."""
     colors, palette = how.pop("colorinterp", None), how.pop("palette", None)
     bands = np.asarray(bands)
@@ -90,8 +90,9 @@ def one_of(path: Path, kind: str) -> Raster:
         return open_raster(stacked(path / "c.vrt", file, other), ReadOptions(band=2))
     left = some(1, high=3)
     right = some(1, high=3)
-    files = [write(path / "a.tif", left, nodata=0), write(path / "b.tif", right, col=100, nodata=0)]
-    return open_raster(files)
+    off = 0.3 if kind == "warped mosaic" else 0
+    files = [write(path / "a.tif", left, nodata=0), write(path / "b.tif", right, col=100 + off, nodata=0)]
+    return open_raster(files, ReadOptions(warp=bool(off)))
 
 
 def stacked(path: Path, *files: Path) -> Path:
@@ -113,6 +114,7 @@ def stacked(path: Path, *files: Path) -> Path:
 KINDS = [
     *("collar", "collar kept", "nodata", "nodata that may be a color", "nodata of the user", "not a number"),
     *("alpha", "palette", "white is zero", "index", "expression", "second band of another type", "mosaic"),
+    "warped mosaic",
 ]
 
 

@@ -295,6 +295,7 @@ def compare(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     tile: int | None = None,
     threads: int | None = None,
     progress: Progress | bool | None = None,

@@ -129,6 +129,7 @@ def serve(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> MapServer:
@@ -202,6 +203,7 @@ def map_page(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Path:

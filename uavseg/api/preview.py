@@ -49,6 +49,7 @@ def preview(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Path:
@@ -70,7 +71,7 @@ def preview(
     dem : path or sequence of paths, optional
         For missions without a raster: the ground below them.
     band, rgb, index, expr, band_names, nodata, stretch, skip_bad_tiles, collar
-    bounds, aoi, allow_path, allow_network
+    bounds, aoi, warp, allow_path, allow_network
         As of `extract`.
     width : int
         Width of the picture in pixels, 200 to 8000.
@@ -96,7 +97,7 @@ def preview(
         if source is None:
             if mission is None:
                 raise ParameterError("there is nothing to draw: give a raster, or a mission")
-            if any(given[name] is not None for name in _OF_RASTERS):
+            if warp or any(given[name] is not None for name in _OF_RASTERS):
                 raise ParameterError("without a raster, missions alone are drawn; give source as well")
             target = output or f"{_stem(mission)}.preview.png"
             return preview_missions(mission, target, dem=dem, width_px=width, overwrite=overwrite)

@@ -66,6 +66,7 @@ def match(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -178,6 +179,7 @@ def suggest(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> list[Suggestion] | list[SampleRange]:
@@ -258,6 +260,7 @@ def info(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> Summary | RegionFile:

@@ -59,6 +59,7 @@ def extract(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -134,6 +135,9 @@ def extract(
         The area of interest, a file of polygons in any CRS. The raster ends at its bounding box; of this,
         pixels whose centres lie in no polygon count as nodata.
         An array in memory has none.
+    warp : bool
+        Whether files of a mosaic of another CRS or resolution, or a shifted grid, are read on the grid of the
+        first, by nearest neighbour, with a warning; no effect on a single raster.
     allow_path : path or sequence of paths
         Folders in which the contents of files may name others (sources of a VRT, the image of a ROS map, the
         raster of a block map), beside their own folder.
@@ -194,6 +198,7 @@ def levels(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> GeoDataFrame:
@@ -262,6 +267,7 @@ def divide(
     collar: str = "auto",
     bounds: tuple[float, float, float, float] | None = None,
     aoi: str | os.PathLike[str] | None = None,
+    warp: bool = False,
     allow_path: Folders = (),
     allow_network: bool = False,
 ) -> BlockMap:
@@ -274,7 +280,7 @@ def divide(
     band, rgb, index, expr, band_names, nodata, stretch, flatten
     tile, threads : int, optional
     resume : path, optional
-    skip_bad_tiles, allow_network : bool
+    skip_bad_tiles, warp, allow_network : bool
     collar : {"auto", "keep"}
     bounds : (float, float, float, float), optional
     aoi : path, optional

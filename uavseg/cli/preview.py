@@ -1,6 +1,6 @@
 """`uavseg preview`: a picture of a raster with what was found in it, or of missions alone."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +14,6 @@ from uavseg.options.pages import PreviewOptions
 from uavseg.options.reading import ReadOptions
 
 _LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
-_READING = ("band", "rgb", "index", "expr", "band_names", "nodata", "skip_bad_tiles", "stretch", "collar")
 
 
 @job_command("preview", PreviewOptions)
@@ -64,7 +63,8 @@ def _draw_missions(missions: list[str], options: PreviewOptions, reporter: Repor
 
     given = [name for name in _LAYERS[:-1] if getattr(options, name) is not None]
     usual = ReadOptions(stretch="auto")
-    given += [name for name in _READING if getattr(options.read, name) != getattr(usual, name)]
+    names = [field.name for field in fields(usual)]
+    given += [name for name in names if getattr(options.read, name) != getattr(usual, name)]
     if given:
         raise ParameterError(f"--{given[0].replace('_', '-')} needs a raster to draw on: give RASTER as well")
     out = options.output or f"{Path(missions[0]).stem}.preview.png"

@@ -65,10 +65,10 @@ def names_regions(source: Any) -> bool:
 def info_regions(source: Any, options: ReadOptions = ReadOptions()) -> RegionFile:
     """Return what a file of regions holds, see `about_file`; refuse options of reading rasters."""
     path = os.fspath(source[0] if isinstance(source, list | tuple) else source)
-    is_part = options.bounds is not None or options.aoi is not None
+    is_part = options.bounds is not None or options.aoi is not None or options.warp
     if options.chooses_pixels or options.stretches("auto") or options.skip_bad_tiles or is_part:
         raise ParameterError(
-            f"{path} is a file of regions; bands, nodata, stretch, bounds, aoi and skip_bad_tiles "
+            f"{path} is a file of regions; bands, nodata, stretch, bounds, aoi, warp and skip_bad_tiles "
             "are for rasters"
         )
     return about_file(path)
@@ -105,7 +105,7 @@ def source_words(sources: Sequence[str]) -> list[str]:
 
 _ORDER = (
     *("index", "expr", "band_names", "band", "rgb", "nodata", "stretch"),
-    *("skip_bad_tiles", "free_is_white", "collar", "flatten", "bounds", "aoi"),
+    *("skip_bad_tiles", "free_is_white", "collar", "flatten", "bounds", "aoi", "warp"),
 )
 
 

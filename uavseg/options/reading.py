@@ -26,7 +26,7 @@ MAP_STRETCH: dict[str, Any] = {  # what differs where a map of probabilities is 
     "free_is_white": {"python": True},
 }
 RASTER_STRETCH: dict[str, Any] = {"stretch": {"default": "auto"}}
-ONLY_RASTERS = ("rgb", "collar", "skip_bad_tiles", "flatten", "bounds", "aoi")
+ONLY_RASTERS = ("rgb", "collar", "skip_bad_tiles", "flatten", "bounds", "aoi", "warp")
 ONLY_MAPS = ("free_is_white",)
 
 
@@ -103,6 +103,9 @@ class ReadOptions(Options):
     aoi: str | PathLike[str] | None = option(
         "Read only what lies in the polygons of this file; the rest counts as nodata.", metavar="FILE"
     )
+    warp: bool = option(
+        "Read files of another grid or CRS on the grid of the first, by nearest pixel.", default=False
+    )
     free_is_white: bool | None = option(
         "Of a picture without its YAML file: whether white or black is free; with white, 205 is unknown.",
         "--free-is-white/--free-is-black",
@@ -138,7 +141,8 @@ class ReadOptions(Options):
         """Open rasters with these options; see `Dataset.open`."""
         from uavseg.raster.read.dataset import Dataset
 
-        return Dataset.open(sources, self.band, self.rgb, self.nodata, self.skip_bad_tiles, self.formula)
+        how = self.skip_bad_tiles, self.formula, self.warp
+        return Dataset.open(sources, self.band, self.rgb, self.nodata, *how)
 
     @property
     def flat_field(self) -> Length | None:

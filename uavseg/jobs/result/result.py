@@ -342,12 +342,12 @@ def _reading(source: Source) -> dict[str, Any]:
     return {name: chosen[name] for name in names if name not in usual} | _of_origin(source.origin)
 
 
-def _of_origin(origin: Origin) -> dict[str, str | None]:
+def _of_origin(origin: Origin) -> dict[str, Any]:
     """Return how intensity was made of bands, and whether there was a collar that counts as nodata."""
     words = origin.words
     collar = "nodata" if origin.collar == "auto" else None
     formula = {"index": words.index, "expr": words.expr, "band_names": words.names}
-    return {**formula, "collar": collar, "flatten": origin.flatten}
+    return {**formula, "collar": collar, "flatten": origin.flatten, "warp": origin.warp or None}
 
 
 def _plain(value: Any) -> Any:

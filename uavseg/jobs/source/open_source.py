@@ -165,7 +165,7 @@ def _raster(source: Any, options: ReadOptions, first: RasterFile | None = None) 
 
 
 def _refuse(options: ReadOptions, what: str, *names: str) -> None:
-    given = [name for name in names if getattr(options, name) is not None]
+    given = [name for name in names if getattr(options, name) not in (None, False)]
     if given:
         raise ParameterError(f"{what}; leave {' and '.join(given)} out")
 
@@ -177,7 +177,9 @@ def _blocks(parts: Sequence[Any], options: ReadOptions) -> Blocks:
         raise ParameterError("a block map has its bands, nodata and stretch already; leave these options out")
     why = "the light of a block map was taken away when it was made (uavseg divide --flatten), or not"
     _refuse(options, why, "flatten")
-    _refuse(options, "a block map is answered as a whole (uavseg divide takes these)", "bounds", "aoi")
+    _refuse(
+        options, "a block map is answered as a whole (uavseg divide takes these)", "bounds", "aoi", "warp"
+    )
     return Blocks(read_block_map(parts[0]), os.fspath(parts[0]), options.skip_bad_tiles)
 
 
@@ -191,7 +193,7 @@ def _ros_map(parts: Sequence[Any], options: ReadOptions) -> ProbabilityMap:
     if options.stretches("auto", "none"):
         raise ParameterError("a ROS map holds probabilities, which are not stretched; leave stretch out")
     _refuse(options, "a ROS map holds probabilities, which have no light", "flatten")
-    _refuse(options, "a ROS map is read whole", "bounds", "aoi")
+    _refuse(options, "a ROS map is read whole", "bounds", "aoi", "warp")
     return ProbabilityMap(*open_map(parts[0]), ros_map=os.fspath(parts[0]))
 
 
@@ -210,7 +212,7 @@ def _grid(grid: "OccupancyGrid", options: ReadOptions) -> ProbabilityMap:
     if options.chooses_pixels:
         raise ParameterError("a map has one band and no nodata; leave band, rgb and nodata out")
     _refuse(options, "a map holds probabilities, which have no light", "flatten")
-    _refuse(options, "a map in memory is read whole", "bounds", "aoi")
+    _refuse(options, "a map in memory is read whole", "bounds", "aoi", "warp")
     dataset = grid.dataset()
     chosen = options if options.stretches("auto") else ReadOptions()
     return ProbabilityMap(dataset, _probability_stretch(dataset, chosen))

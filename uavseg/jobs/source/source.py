@@ -216,6 +216,7 @@ class Raster(Pixels):
             flatten=None if options.flat_field is None else options.flat_field.word,
             bounds=options.bounds,
             aoi=None if options.aoi is None else str(options.aoi),
+            warp=options.warp,
         )
 
 
@@ -281,7 +282,7 @@ class Blocks:
         if is_ros_map(paths[0]):
             return ProbabilityMap(*open_map(paths[0]), ros_map=paths[0])
         stretch, words = self.saved.stretch, origin.words
-        names = ("band", "rgb", "nodata", "collar", "bounds")
+        names = ("band", "rgb", "nodata", "collar", "bounds", "warp")
         chosen: dict[str, Any] = {name: getattr(origin, name) for name in names}
         if origin.aoi is not None:
             *paths, chosen["aoi"] = paths

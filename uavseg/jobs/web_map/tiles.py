@@ -22,6 +22,7 @@ from uavseg.raster.grid.ground import GroundGrid
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.read.mosaic import with_formula
 from uavseg.raster.read.raster_file import RasterFile
+from uavseg.raster.read.warp import bends, bilinear
 from uavseg.raster.spectral.bands import BandChoice
 from uavseg.segmentation.blocks.leaves import NO_CODE, STEPS
 from uavseg.units import CELL
@@ -52,7 +53,7 @@ def read_map_tile(dataset: Dataset, place: tuple[int, int, int]) -> Tile | None:
     tile: Tile | None = None
     for file in dataset.mosaic.files:
         assert isinstance(file, RasterFile)
-        below = tile_pixels(GeoBox(file.shape, file.transform, dataset.geobox.crs), place)
+        below = tile_pixels(GeoBox(file.shape, file.transform, file.crs), place)
         part = None if below is None else _file_tile(file, dataset.choice, place, below.inside)
         if part is None:
             continue
@@ -215,29 +216,11 @@ def _rows_cols(geobox: GeoBox, lon: Floats, lat: Floats) -> tuple[Floats, Floats
 def _interpolated(geobox: GeoBox, place: tuple[int, int, int]) -> tuple[Floats, Floats] | tuple[None, None]:
     """Return rows and columns of all centres, bilinear between nodes; None where that is not exact enough."""
     known = _rows_cols(geobox, *_lonlat_of(place, np.linspace(0, 1, _INTERVALS + 1)))
-    if not all(_is_even(values) for values in known):
+    if not all((bends(values) < 4 * TOLERANCE).all() for values in known):
         return None, None
     along = (np.arange(SIDE) + 0.5) / SIDE * _INTERVALS
-    first = along.astype(np.int64)
-    share = along - first
-    rows, cols = (_bilinear(values, first, share) for values in known)
+    rows, cols = (bilinear(values, along, along) for values in known)
     return rows, cols
-
-
-def _bilinear(values: Floats, first: Integers, share: Floats) -> Floats:
-    down = values[first] * (1 - share)[:, None] + values[first + 1] * share[:, None]
-    return down[:, first] * (1 - share) + down[:, first + 1] * share
-
-
-def _is_even(values: Floats) -> bool:
-    """Return whether interpolation errs below the tolerance: four times as much with half of the nodes."""
-    if not np.isfinite(values).all():
-        return False
-    errors = (
-        np.abs(values[1:-1:2] - (values[:-2:2] + values[2::2]) / 2).max(),
-        np.abs(values[:, 1:-1:2] - (values[:, :-2:2] + values[:, 2::2]) / 2).max(),
-    )
-    return bool(sum(errors) < 4 * TOLERANCE)
 
 
 @lru_cache(maxsize=4096)

@@ -207,7 +207,7 @@ class Dem:
         paths = expand_sources([sources] if isinstance(sources, str | os.PathLike) else sources)
         if not paths:
             raise ParameterError("there is no elevation model to open; give at least one")
-        dataset = Dataset.open(paths, band=1)
+        dataset = Dataset.open(paths, band=1, warp=None)
         found = [_heights_of(as_file_name(os.fspath(path))) for path in paths]
         for path, one in zip(paths, found, strict=True):
             if one != found[0]:

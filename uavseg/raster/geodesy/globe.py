@@ -224,12 +224,10 @@ def lonlat_transform(wkt: str | None) -> Transform:
     utm = _utm_zone(wkt or "")
     if utm is not None:
         return _utm_transform(utm, wkt or "")
-    from pyproj.exceptions import ProjError
-
     target = WGS84 if on_earth else parse_crs(wkt or "").geodetic_crs
     try:
-        return _transformer(parse_crs(wkt or ""), target)
-    except ProjError as error:
+        return transform_between(parse_crs(wkt or ""), target)
+    except RasterError as error:
         raise _no_lonlat() from error
 
 
@@ -242,7 +240,7 @@ def _utm_transform(zone: CRS, wkt: str) -> Transform:
 
     @lru_cache(maxsize=1)
     def by_pyproj() -> Transform:
-        return _transformer(parse_crs(wkt), WGS84)
+        return transform_between(parse_crs(wkt), WGS84)
 
     def transform(x: Any, y: Any) -> tuple[Floats, Floats]:
         x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
@@ -276,8 +274,8 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
             base = base.source_crs
         elif crs.is_geographic:
             to_base = False
-        transform = _transformer(crs, base) if to_base else None
-    except ProjError:
+        transform = transform_between(crs, base) if to_base else None
+    except (ProjError, RasterError):
         return None
     radius = base.ellipsoid.semi_major_metre
     return Ellipsoid(
@@ -291,20 +289,19 @@ def ellipsoid_under(wkt: str | None) -> Ellipsoid | None:
 
 def transform_between(source: Any, target: Any) -> Transform:
     """Return the transform between two CRS (pyproj CRS or text), x first; RasterError if there is none."""
-    from pyproj.exceptions import ProjError
-
-    try:
-        return _transformer(source, target)
-    except ProjError as error:
-        what = f"two of the coordinate reference systems ({cause_of(error)})"
-        raise RasterError(f"there is no transformation between {what}") from error
+    transform: Transform = transformer_between(source, target).transform
+    return transform
 
 
-def _transformer(source: Any, target: Any) -> Transform:
+def transformer_between(source: Any, target: Any, **how: bool) -> Any:
+    """Return as `transform_between` the pyproj Transformer, which is chosen as its options say."""
     import pyproj
 
-    transform: Transform = pyproj.Transformer.from_crs(source, target, always_xy=True).transform
-    return transform
+    try:
+        return pyproj.Transformer.from_crs(source, target, always_xy=True, **how)
+    except pyproj.exceptions.ProjError as error:
+        what = f"two of the coordinate reference systems ({cause_of(error)})"
+        raise RasterError(f"there is no transformation between {what}") from error
 
 
 def geod_of(wkt: str) -> Any:

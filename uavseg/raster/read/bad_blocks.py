@@ -69,8 +69,8 @@ def _joined(blocks: Iterable[BadBlock], axes: tuple[str, str]) -> list[BadBlock]
     return result
 
 
-MissingPart = tuple[BadBlock, Slices]
-"""A block that cannot be read, and its index in the array that is read."""
+MissingPart = tuple[BadBlock, Any]
+"""A block that cannot be read, and its index in the array that is read: slices, or of each pixel."""
 
 _recorder: ContextVar[set[BadBlock] | None] = ContextVar("recorder", default=None)
 

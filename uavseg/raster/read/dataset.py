@@ -23,7 +23,7 @@ from uavseg.raster.grid.tiling import PixelMask, Window, in_panels, sample_posit
 from uavseg.raster.read.array_source import ArraySource, from_array, from_values, is_array_like
 from uavseg.raster.read.data_array import from_data_array, is_data_array
 from uavseg.raster.read.inspect_file import inspect_file, inspect_open
-from uavseg.raster.read.mosaic import Mosaic, PartReader, RasterSource, align_rasters, with_nodata
+from uavseg.raster.read.mosaic import Mosaic, PartReader, RasterSource, align_rasters, warp_notes, with_nodata
 from uavseg.raster.read.raster_file import RasterFile, check_names_agree, check_reflectance, choose
 from uavseg.raster.spectral.band_names import renamed
 from uavseg.raster.spectral.bands import BandChoice, BandScale, Valid, Values, choose_bands, without
@@ -137,6 +137,7 @@ class Dataset:
         nodata: float | str | None = None,
         skip_bad_tiles: bool = False,
         words: BandWords = BandWords(),
+        warp: bool | None = False,
     ) -> "Dataset":
         """Open rasters as a dataset; no pixel is read.
 
@@ -146,8 +147,8 @@ class Dataset:
             Several rasters make one mosaic; where they overlap, the first with a valid pixel wins. A path is
             anything that GDAL opens. A DataArray needs rioxarray. An array is (rows, cols), or has at most 16
             bands first or last; it has no place on the map, and is no part of a mosaic.
-        band, rgb, skip_bad_tiles
-            As of `uavseg.extract`.
+        band, rgb, skip_bad_tiles, warp
+            As of `uavseg.extract`; with None for `warp`, errors do not propose it.
         nodata : float or str, optional
             A value that counts for nothing beside the nodata value of the files, NaN too; "only:V" takes its
             place, "none" leaves it out.
@@ -173,7 +174,7 @@ class Dataset:
                     "with coordinates, or files, or one array"
                 )
         files = [replace(file, layout=renamed(file.layout, words.names)) for file in files]
-        mosaic = align_rasters(files)
+        mosaic = align_rasters(files, warp)
         first = files[0]
         choice = choose(first.layout, band, rgb, words, first.palette is not None)
         check_names_agree(files, choice.bands)
@@ -182,6 +183,7 @@ class Dataset:
         if choice.expanded:
             note = "the palette is expanded to luminance; name --band 1 to use its indices themselves"
             warnings = (*warnings, note)
+        warnings = (*warnings, *warp_notes(mosaic))
         found = cls(replace(mosaic, files=files_with_nodata), choice, warnings, skip_bad_tiles, nodata=nodata)
         return found if found.scale is not None else replace(found, warnings=(*warnings, _NO_SCALE))
 
@@ -296,7 +298,8 @@ class Dataset:
         if any(mask.covers(window) for mask in self.masks):
             return True
         return all(
-            file.is_empty(self._handles, self.choice, part) for file, part, _ in self.mosaic.parts(window)
+            warp is None and file.is_empty(self._handles, self.choice, part)
+            for file, warp, part, _ in self.mosaic.parts(window)
         )
 
     @checked

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from affine import Affine
@@ -9,20 +10,24 @@ from numpy.typing import NDArray
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import MosaicError
+from uavseg.plain_text import first_of
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.geobox import GeoBox, shifted
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read import bad_blocks
 from uavseg.raster.read.array_source import ArraySource
 from uavseg.raster.read.raster_file import RasterFile
+from uavseg.raster.read.warp import Warp, place_on
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values, nodata_in_place, usable_nodata
 
 GRID_TOLERANCE = 1e-3  # pixels: largest offset of a corner from the common grid
+_NAMED = 8  # files in a note
+_HINTS = {None: "", False: ", or give --warp (warp=True), which reads it on that grid"}
 
 Boxes = NDArray[np.int64]
 RasterSource = RasterFile | ArraySource
-Part = tuple[RasterSource, Window, tuple[slice, slice]]
-"""A file, a window of it, and the index of that in an array."""
+Part = tuple[RasterSource, Warp | None, Window, tuple[slice, slice]]
+"""A file, how it is warped, a window of what that gives, and the index of that in an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +37,7 @@ class Mosaic:
     files: tuple[RasterSource, ...]  # the first wins where they overlap
     boxes: Boxes  # (files, 4): first row, first column, end row and end column, in pixels of `geobox`
     geobox: GeoBox  # the smallest grid that contains all of them
+    warps: tuple[Warp | None, ...]  # of files that lie on another grid
 
     def parts(self, window: Window) -> Iterator[Part]:
         """Yield the files that intersect `window`, the part of each, and its index in an array of that."""
@@ -40,9 +46,10 @@ class Mosaic:
         touched = (top < end_row) & (bottom > window.row) & (left < end_col) & (right > window.col)
         for index in np.flatnonzero(touched):
             file = self.files[index]
-            whole = Window(int(top[index]), int(left[index]), *file.shape)
+            row, col, end_row, end_col = self.boxes[index].tolist()
+            whole = Window(row, col, end_row - row, end_col - col)
             part = window.common(whole)
-            yield file, part.relative_to(whole), part.relative_to(window).slices
+            yield file, self.warps[index], part.relative_to(whole), part.relative_to(window).slices
 
     def coarse_parts(self, shape: tuple[int, int]) -> Iterator[Part]:
         """Yield every file whole, with its index in an array of the mosaic downsampled to `shape`.
@@ -54,31 +61,42 @@ class Mosaic:
         places = np.ceil(inside * scale - 0.5).astype(np.int64)  # coarse pixels with their centres inside
         firsts, sizes = inside[:, :2] - self.boxes[:, :2], inside[:, 2:] - inside[:, :2]
         parts = np.hstack([firsts, sizes]).tolist()
-        for file, part, (row, col, end_row, end_col) in zip(self.files, parts, places.tolist(), strict=True):
+        files = zip(self.files, self.warps, parts, places.tolist(), strict=True)
+        for file, warp, part, (row, col, end_row, end_col) in files:
             if row < end_row and col < end_col:
-                yield file, Window(*part), (slice(row, end_row), slice(col, end_col))
+                yield file, warp, Window(*part), (slice(row, end_row), slice(col, end_col))
 
     def cut(self, window: Window) -> "Mosaic":
         """Return the part inside a window."""
         boxes = self.boxes - np.tile([window.row, window.col], 2)
-        return Mosaic(self.files, boxes, self.geobox.window(window))
+        return replace(self, boxes=boxes, geobox=self.geobox.window(window))
 
 
-def align_rasters(files: Sequence[RasterSource]) -> Mosaic:
+def align_rasters(files: Sequence[RasterSource], warp: bool | None = False) -> Mosaic:
     """Return the grid that contains all files, and the position of each file on it.
 
-    A MosaicError says that one differs from the first in CRS, resolution or bands, or is not aligned with its
-    pixel grid.
+    With `warp`, files of another CRS or resolution, or that are not aligned with the pixel grid of the first,
+    are read on that. A MosaicError says that one differs from the first otherwise, or without `warp` in
+    these; where that is None, it does not name `warp`.
     """
     first = files[0]
     if len(files) == 1:
-        geobox = GeoBox(first.shape, first.transform, first.crs)
-        return Mosaic((first,), np.array([[0, 0, *first.shape]]), geobox)
-    corners = np.array([_corner(file, first) for file in files])
-    boxes = np.hstack([corners, corners + np.array([file.shape for file in files])])
+        return Mosaic((first,), np.array([[0, 0, *first.shape]]), _geobox(first), (None,))
+    warps, corners = zip(*(_placed(file, first, warp) for file in files), strict=True)
+    grids = [_geobox(file) if one is None else one.grid for file, one in zip(files, warps, strict=True)]
+    boxes = np.hstack([corners, np.array(corners) + [grid.shape for grid in grids]])
     boxes -= np.tile(boxes[:, :2].min(axis=0), 2)
     rows, cols = boxes[:, 2:].max(axis=0).tolist()
-    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), _origin(files, boxes), first.crs))
+    return Mosaic(tuple(files), boxes, GeoBox((rows, cols), _origin(grids, boxes), first.crs), warps)
+
+
+def warp_notes(mosaic: Mosaic) -> tuple[str, ...]:
+    """Return a note of which files are read on the grid of the first one, and what that loses."""
+    first = mosaic.files[0]
+    pairs = zip(mosaic.files, mosaic.warps, strict=True)
+    names = [f"{file.name} ({_grid_name(file)}{warp.loss})" for file, warp in pairs if warp is not None]
+    grid = f"read by nearest neighbour on the pixel grid of {first.name} ({_grid_name(first)})"
+    return (f"{grid}: {first_of(names, _NAMED)}",) if names else ()
 
 
 def with_nodata(
@@ -128,7 +146,11 @@ def _are_same(number: float | None, other: float, dtype: np.dtype[np.generic]) -
     return bool(first == second or (first != first and second != second))
 
 
-def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
+def _geobox(file: RasterSource) -> GeoBox:
+    return GeoBox(file.shape, file.transform, file.crs)
+
+
+def _origin(files: Sequence[GeoBox], boxes: Boxes) -> Affine:
     """Return the transform of the common grid, by files at its edges: neither order nor rounding moves it."""
     t = Affine(*min(tuple(file.transform)[:6] for file in files))
     if t.b == 0 == t.d:
@@ -140,27 +162,31 @@ def _origin(files: Sequence[RasterSource], boxes: Boxes) -> Affine:
     return shifted(files[first].transform, -row, -col)
 
 
-def _corner(file: RasterSource, first: RasterSource) -> tuple[int, int]:
-    """Return row and column, on the grid of `first`, of the first pixel of `file`."""
-    _check_traits(file, first)
+def _placed(
+    file: RasterSource, first: RasterSource, warp: bool | None
+) -> tuple[Warp | None, tuple[int, int]]:
+    """Return how `file` is warped, and the row and column of its first pixel on the grid of `first`."""
+    _check_traits(file, first, warp)
     rows, cols = file.shape
     (row, col), (low_row, low_col), (right_row, right_col) = (
         _on_grid(first.transform, shifted(file.transform, *corner))
         for corner in ((0, 0), (rows, 0), (0, cols))
     )
     drifts = (low_row - row - rows, low_col - col, right_row - row, right_col - col - cols)
+    off = max(abs(col - round(col)), abs(row - round(row)))
+    if warp and (file.crs != first.crs or max(*map(abs, drifts), off) > GRID_TOLERANCE):
+        return place_on(_geobox(first), _geobox(file), (first.path, file.path))
     if max(map(abs, drifts)) > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} has pixels of {_pixel(file.transform)}, and {first.path} of "
-            f"{_pixel(first.transform)}; the rasters of a mosaic must agree"
+            f"{_pixel(first.transform)}; the rasters of a mosaic must agree{_HINTS[warp]}"
         )
-    off = max(abs(col - round(col)), abs(row - round(row)))
     if off > GRID_TOLERANCE:
         raise MosaicError(
             f"{file.path} lies {off:.3f} pixels off the pixel grid of {first.path}; "
-            "resample it with gdalwarp -tap"
+            f"resample it with gdalwarp -tap{_HINTS[warp]}"
         )
-    return round(row), round(col)
+    return None, (round(row), round(col))
 
 
 def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
@@ -170,19 +196,20 @@ def _on_grid(grid: Affine, transform: Affine) -> tuple[float, float]:
     return (grid.a * y - grid.d * x) / size, (grid.e * x - grid.b * y) / size
 
 
-def _check_traits(file: RasterSource, first: RasterSource) -> None:
+def _check_traits(file: RasterSource, first: RasterSource, warp: bool | None) -> None:
     for name, value, reference in (
-        ("CRS", _crs_name(file), _crs_name(first)),
+        ("CRS", _crs_name(first if file.crs == first.crs else file), _crs_name(first)),
         ("georeferencing", file.located, first.located),
         ("number of bands", len(file.layout.dtypes), len(first.layout.dtypes)),
         ("type of bands", ",".join(file.layout.dtypes), ",".join(first.layout.dtypes)),
         ("bits of bands", file.layout.bits, first.layout.bits),
         ("colours of bands", _roles(file, first), _roles(first, file)),
     ):
-        if value != reference and not (name == "CRS" and file.crs == first.crs):
+        may_warp = name == "CRS" and file.crs is not None and first.crs is not None
+        if value != reference and not (warp and may_warp):
             raise MosaicError(
                 f"{file.path} has another {name} ({value}) than {first.path} ({reference}); "
-                "the rasters of a mosaic must agree"
+                f"the rasters of a mosaic must agree{_HINTS[warp] if may_warp else ''}"
             )
 
 
@@ -194,6 +221,10 @@ def _roles(file: RasterSource, other: RasterSource) -> str:
 
 def _crs_name(file: RasterSource) -> str:
     return "none" if file.crs is None else str(file.crs.to_string())
+
+
+def _grid_name(file: RasterSource) -> str:
+    return f"pixels of {_pixel(file.transform)}, CRS {_crs_name(file)}"
 
 
 def _pixel(transform: Affine) -> str:
@@ -222,11 +253,13 @@ class PartReader:
         planes = self.choice.planes if self.choice.formula is None else 1
         values = np.zeros((planes, *shape), dtype)
         filled = np.zeros(shape, bool)
-        for file, part, (rows, cols) in parts:
+        for file, warp, part, (rows, cols) in parts:
             missing = ~filled[rows, cols]
             if not missing.any():
                 continue
-            pixels, valid, bad = self._read_part(file, part, missing.shape)
+            read = partial(self._read_part, file)
+            how = part, missing.shape
+            pixels, valid, bad = read(*how) if warp is None else warp.read(*how, read, values)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
                     bad_blocks.record_bad_block(block)

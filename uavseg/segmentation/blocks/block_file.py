@@ -53,6 +53,7 @@ class Origin:
     flatten: str | None = None  # width over which illumination was estimated: "12.5" (metres) or "200px"
     bounds: tuple[float, float, float, float] | None = None  # west, south, east and north of what was read
     aoi: str | None = None  # file of the polygons in which pixels were read
+    warp: bool = False  # whether files of other grids were read on that of the first
 
     def find_rasters(self, beside: Path_) -> list[str] | None:
         """Return the paths of the rasters, in their folder or beside the block map; None if any is gone.
@@ -174,6 +175,7 @@ _OPTIONAL: dict[str, tuple[str, Callable[[Any], bool]]] = {
     "formula": ("formula is", _is_formula),
     "bounds": ("bounds are", lambda value: _is_list(value, _is_finite) and len(value) == 4),
     "aoi": ("area of interest is", _is_name),
+    "warp": ("warping is", lambda value: value is True),
 }
 
 
@@ -204,6 +206,7 @@ def origin_of_header(header: dict[str, Any]) -> Origin:
         flatten=flatten["width"] if (flatten := header.get("flatten")) else None,
         bounds=tuple(header["bounds"]) if "bounds" in header else None,
         aoi=header.get("aoi"),
+        warp="warp" in header,
     )
 
 
@@ -235,7 +238,7 @@ def header_text(saved: SavedBlocks) -> str:
     header |= {"folder": origin.folder, "band": origin.band, "rgb": origin.rgb, "nodata": nodata}
     if origin.collar != "keep":
         header["collar"] = origin.collar
-    part = {"bounds": origin.bounds, "aoi": origin.aoi}
+    part = {"bounds": origin.bounds, "aoi": origin.aoi, "warp": origin.warp or None}
     header |= {name: value for name, value in part.items() if value is not None}
     if saved.illumination is not None:
         flat = saved.illumination
