@@ -67,6 +67,7 @@ def test_an_index_an_expression_and_numbers_give_the_same_regions() -> None:
         assert regions(*words).geometry.equals(known), words
 
 
+@pytest.mark.slow
 def test_a_band_is_taken_by_name_or_number() -> None:
     known = regions("plain.tif", "--band", 4, "--stretch", "40,110")
     assert len(known) == 4

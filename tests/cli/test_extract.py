@@ -206,6 +206,7 @@ def test_outlines_are_drawn_without_stairs_around_the_same_pixels() -> None:
     assert simple.get_coordinates().shape[0] < smooth.get_coordinates().shape[0] / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method, refine", [("paper", "scan"), ("adaptive", "tv")])
 def test_what_is_not_said_of_refinement_follows_the_method(method: str, refine: str) -> None:
     image = np.random.default_rng(5).normal(105, 20, (128, 192))
@@ -347,7 +348,7 @@ def test_a_mission_starts_where_it_is_said_and_is_reported() -> None:
 
 
 def test_the_mission_is_that_of_plan_over_the_same_regions() -> None:
-    how = ["--altitude", "40", "--home", "auto", "--spacing", "6"]
+    how = ["--altitude", "40", "--home", "auto", "--spacing", "6", "--angle", "30"]
     extracted("tile.tif", *RANGE, "--mission", "one.plan", *how)
     result = CliRunner().invoke(main, ["plan", "tile.regions.geojson", "-o", "two.plan", *how])
     assert result.exit_code == 0, result.output
@@ -546,6 +547,7 @@ def test_the_program_writes_regions() -> None:
     assert piped.stdout == Path("tile.regions.geojson").read_text() and piped.stderr == ""
 
 
+@pytest.mark.slow
 def test_the_program_refuses_in_one_sentence() -> None:
     done = program("extract", "missing.tif", *RANGE)
     assert done.returncode == 1 and done.stdout == ""

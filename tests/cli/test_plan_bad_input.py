@@ -56,7 +56,7 @@ def plan(*words: object) -> Result:
 
 AT_60 = ["--altitude", "60"]
 FLIGHT = [*AT_60, "--home", "47,8"]
-SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20"]
+SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20", "--angle", "0"]
 
 
 @pytest.mark.parametrize(
@@ -159,6 +159,7 @@ def test_only_numbers_after_home_are_joined() -> None:
     assert joined_home(["--home"]) == ["--home"]
 
 
+@pytest.mark.slow
 def test_a_region_smaller_than_the_spacing_is_flown_over_and_photographed(folder: Path) -> None:
     for how in (["--spacing", "40"], CAMERA):
         assert plan("tiny.geojson", *FLIGHT, *how, "--overwrite").exit_code == 0

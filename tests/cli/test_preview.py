@@ -68,6 +68,7 @@ def test_what_is_wrong_is_raised_for_the_group_to_say(raster: Path) -> None:
     assert not Path("a.preview.png").exists()
 
 
+@pytest.mark.slow
 def test_a_simulated_map_with_everything_that_is_made_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -76,6 +76,7 @@ def test_without_a_trigger_the_lines_are_the_same_and_the_pilot_is_warned() -> N
     assert [note for note in silent.notes if "does not trigger the camera" in note and "15.0 m" in note]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("trigger", ["distance", "interval", "none"])
 def test_a_slow_camera_and_blur_limit_the_speed(trigger: str) -> None:
     mission = survey(trigger, speed_m_s=20.0)

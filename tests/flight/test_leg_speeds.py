@@ -105,6 +105,7 @@ def lines_and_ways(mission: Mission) -> tuple[list[float], list[float]]:
     return lines, ways
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_ways_are_fast_and_lines_slow(autopilot: str) -> None:
     regions = [box(100, 100, 120, 90), box(600, 100, 20, 20), box(1000, 500, 150, 90)]
@@ -121,6 +122,7 @@ def test_ways_are_fast_and_lines_slow(autopilot: str) -> None:
 
 def test_one_short_line_does_not_slow_down_the_others() -> None:
     regions = [box(100, 100, 200, 90), box(600, 100, 40, 9)]
-    mission = planned(regions, altitude_m=50, pattern="survey", spacing_m=20.0, photos=PHOTOS, speed_m_s=5.0)
+    survey = {"pattern": "survey", "spacing_m": 20.0, "photos": PHOTOS, "angle_deg": None}
+    mission = planned(regions, altitude_m=50, speed_m_s=5.0, **survey)
     lines, _ = lines_and_ways(mission)
     assert min(lines) < 0.9 * max(lines)

@@ -355,6 +355,7 @@ OBJECTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "key"), [(kind, key) for kind, one in OBJECTS.items() for key in one])
 def test_a_camera_and_a_vehicle_of_a_file_refuse_them(kind: str, key: str) -> None:
     plan: dict[str, Any] = {"home": (47, 8, 400), "altitude": 60, kind: "it.json"}

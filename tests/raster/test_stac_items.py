@@ -106,6 +106,7 @@ def test_an_asset_gives_the_bytes_of_its_file(command: tuple[str, ...]) -> None:
     assert found[0] == found[1] and found[0] != ({}, "")
 
 
+@pytest.mark.slow
 def test_python_gives_the_bytes_of_the_file() -> None:
     expected = uavseg.extract("data/quarry.tif", range=(0.55, 1))
     for source in ("item.json#visual", Path("item.json#visual"), ["item.json#visual"]):
@@ -127,6 +128,7 @@ def halves() -> list[str]:
     return ["data/left.tif", "data/right.tif"]
 
 
+@pytest.mark.slow
 def test_a_mosaic_of_assets_is_that_of_their_files() -> None:
     files = halves()
     write_item("data/left.json", tile="left.tif")

@@ -70,6 +70,7 @@ def test_photographs_of_a_line_overlap_and_show_it_to_its_ends(
         assert trigger >= min(photos.trigger_m(height), photos.reach_m(height)) / 2 - 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(300, 400), (37, 41), (61, 90)])
 def test_the_camera_keeps_up_on_every_line_and_a_lower_speed_is_reported(size: tuple[float, float]) -> None:
     photos = Photos(CAMERA)

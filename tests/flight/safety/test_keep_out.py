@@ -38,6 +38,7 @@ def blob(x: float, y: float, radius: float, seed: int) -> shapely.Polygon:
     return shapely.convex_hull(shapely.multipoints(ring)) if seed % 2 else shapely.Polygon(ring)
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.floats(-300, 300), st.floats(-300, 300), st.floats(10, 120)), min_size=1, max_size=4
@@ -71,6 +72,7 @@ def test_the_way_around_is_the_shortest_one_and_the_way_home_is_planned_as_well(
     assert waypoints(mission)[-1] == pytest.approx((8.0, 47.0), abs=1e-7)  # then the return needs no way
 
 
+@pytest.mark.slow
 def test_without_a_zone_in_the_way_nothing_changes() -> None:
     regions = [box(0, 100, 90, 60), box(200, 0, 40, 80)]
     aside = planned(regions, zones=[box(-900, -900, 50, 50)], pattern="survey", spacing_m=15)

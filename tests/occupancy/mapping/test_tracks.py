@@ -109,5 +109,6 @@ def test_a_live_map_tells_its_changes() -> None:
         live.changes(4)
 
 
+@pytest.mark.slow
 def test_identities_over_sixty_updates_of_a_drawn_scene() -> None:
     assert identity_score(1, 60) >= 0.99

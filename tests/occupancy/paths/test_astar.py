@@ -155,6 +155,7 @@ def test_random_maps(seed: int) -> None:
         agreed(mask, start, goal)
 
 
+@pytest.mark.slow
 @given(arrays(bool, array_shapes(min_dims=2, max_dims=2, max_side=12)), st.data())
 @settings(max_examples=300)
 def test_any_small_map(mask: np.ndarray, data: st.DataObject) -> None:
@@ -250,6 +251,7 @@ def test_no_path_is_an_error_in_one_line() -> None:
         shortest_path(picture(".#."), (0, 0), (0, 2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

@@ -1,6 +1,7 @@
 """Bitmaps: every cell in its bit, transposition, dead-end filling."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
@@ -44,6 +45,7 @@ def without_dead_ends(mask: np.ndarray, kept: set[tuple[int, int]]) -> np.ndarra
         found[1:-1, 1:-1] &= ~dead
 
 
+@pytest.mark.slow
 @given(SMALL, st.data())
 @settings(max_examples=300)
 def test_dead_ends_are_filled_to_the_next_fork_and_nothing_else(

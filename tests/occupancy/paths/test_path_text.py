@@ -97,6 +97,7 @@ def test_a_map_of_the_moon_has_no_degrees_of_the_earth() -> None:
         check_path_crs(GeoBox((9, 9), Affine(1, 0, 0, 0, -1, 9), crs))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.lists(st.tuples(st.integers(0, 99), st.integers(0, 199)), min_size=1, max_size=12, unique=True),

@@ -58,6 +58,7 @@ THRESHOLDS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(BYTES, st.sampled_from(["trinary", "scale", "raw", "Scale"]), st.integers(0, 1), THRESHOLDS)
 @settings(max_examples=120)
 def test_cells_are_those_of_nav2(

@@ -89,6 +89,7 @@ def squares(rows: int, cols: int) -> geopandas.GeoDataFrame:
     return geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
 
 
+@pytest.mark.slow
 def test_large_regions_are_packed_and_small_ones_are_not(tmp_path: Path) -> None:
     for count, is_packed in ((10, False), (100, True)):
         regions, path = squares(count, count), tmp_path / f"{count}.html"

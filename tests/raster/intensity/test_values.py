@@ -77,6 +77,7 @@ def cases(draw: st.DrawFn) -> tuple[NDArray, ValueRange]:
     return image, ValueRange(None if kind == "high" else ends[0], None if kind == "low" else ends[1])
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(cases(), st.sampled_from(["auto", "minmax"]))
 def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(

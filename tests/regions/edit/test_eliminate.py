@@ -225,6 +225,7 @@ def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit:
     assert (sizes[np.unique(pairs) - 1] >= limit).all()
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(1, 10**9), st.fractions(0, 65535)), min_size=3, max_size=3))
 @settings(max_examples=300)
 def test_means_are_compared_exactly(segments: list[tuple[int, Fraction]]) -> None:

@@ -151,6 +151,7 @@ def test_an_empty_image_has_no_outline(empty: tuple[int, int]) -> None:
 # Laws
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 240, 40))
 def test_outlines_are_those_of_rasterio(first: int) -> None:
     for seed in range(first, first + 40):

@@ -76,6 +76,7 @@ def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None
     assert np.array_equal(burnt, labels)
 
 
+@pytest.mark.slow
 @given(pictures())
 @settings(max_examples=60)
 def test_neighbours_share_every_border(labels: Labels) -> None:
