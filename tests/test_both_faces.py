@@ -401,6 +401,7 @@ MATCH: list[tuple[Any, Words]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("job", "source", "words"),
     some_fast(
@@ -420,6 +421,7 @@ def test_regions(job: str, source: Any, words: Words) -> None:
     assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     some_fast(
@@ -791,6 +793,7 @@ def test_states(source: str, words: Words) -> None:
     assert_equal(in_python(classify_states), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     [
@@ -955,6 +958,7 @@ def test_next_views(source: str, words: Words) -> None:
     assert_equal(in_python(lambda: uavseg.next_views(source, **words).to_geojson().encode()), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
@@ -1245,6 +1249,7 @@ SEEN: list[Words] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", SEEN)
 @pytest.mark.parametrize("photos", ["photos", "missing", "photos/0.jpg"])
 def test_checks_of_photographs(photos: str, words: Words) -> None:
@@ -1484,6 +1489,7 @@ COMPARE: list[tuple[str, str, Words]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("before", "after", "words"), COMPARE)
 def test_comparisons(before: str, after: str, words: Words) -> None:
     ranges = words["range"] if isinstance(words.get("range"), list) else []

@@ -75,6 +75,7 @@ def test_a_mission_and_labels_do_not_change(tmp_path: Path) -> None:
         assert (tmp_path / f"own.{ending}").read_bytes() == (tmp_path / f"moved.{ending}").read_bytes()
 
 
+@pytest.mark.slow
 def test_streams_and_each_raster_have_it_too(tmp_path: Path) -> None:
     done = run("levels", QUARRY, "--width", 0.3, "-q", "-o", "-", "--projected", "--crs", "EPSG:3005")
     assert done.exit_code == 0 and "EPSG::3005" in done.stdout

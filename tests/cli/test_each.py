@@ -100,6 +100,7 @@ def test_a_folder_without_each_is_a_mosaic() -> None:
     assert "-o tiles.0-" in run("suggest", "tiles/").stdout
 
 
+@pytest.mark.slow
 def test_failures_are_listed_at_the_end_and_the_others_written() -> None:
     Path("tiles/1.tif").write_bytes(b"no raster")
     write("tiles/2.tif", 2, placed=False)

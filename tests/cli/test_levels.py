@@ -181,6 +181,7 @@ def test_a_block_map_merges_as_its_raster_does() -> None:
     assert_geodataframe_equal(one, other)
 
 
+@pytest.mark.slow
 def test_smooth_borders_stay_shared_and_may_be_simplified_then() -> None:
     write("a.tif", scene(6, (200, 150)))
     kept = geopandas.read_file

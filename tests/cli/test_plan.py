@@ -180,6 +180,7 @@ def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
     assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_camera_gives_height_spacing_and_photographs(regions: Path) -> None:
     mission = flown(regions, "--camera", "phantom 4 rtk", "--gsd", 2, "--where", "mean < 0.7", altitude=None)
     heights = {item.altitude_m for item in mission.items if item.command == WAYPOINT}

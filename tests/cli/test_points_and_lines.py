@@ -90,6 +90,8 @@ def test_masts_are_kept_out_of_and_checked() -> None:
         *HOW,
         "--spacing",
         "20",
+        "--angle",
+        "0",
         "--avoid",
         "masts.geojson",
         "--avoid",

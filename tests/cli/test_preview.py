@@ -110,6 +110,7 @@ def test_layers_that_are_not_what_they_should_be_are_reported_in_one_line(raster
         assert not Path("a.preview.png").exists()
 
 
+@pytest.mark.slow
 def test_missions_are_drawn_without_a_raster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     flight = a_mission([(-76.5, 44.2), (-76.499, 44.2), (-76.499, 44.201)])

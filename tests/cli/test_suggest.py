@@ -155,6 +155,7 @@ def test_more_is_said_to_those_who_ask() -> None:
     assert "of the variance of the means lies between the ranges" in told and "progress 100" in told
 
 
+@pytest.mark.slow
 def test_one_class_is_an_answer() -> None:
     result = done("suggest", write("a.tif", np.full((70, 80), 51, np.uint8)), "-o", "look.png")
     assert result.stdout == "one class: there is no range to choose\n"

@@ -39,6 +39,7 @@ def test_the_clock_goes_on() -> None:
     assert working_seconds() - first >= 0.009
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "facts"),
     [
@@ -102,6 +103,7 @@ def _make_inputs(words: tuple[str, ...]) -> None:
         assert CliRunner().invoke(main, [*PLAN, "-o", "a.plan"]).exit_code == 0
 
 
+@pytest.mark.slow
 def test_python_logs_the_same(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, "uavseg"):
         uavseg.extract(QUARRY, (0.511, 1), threads=1)

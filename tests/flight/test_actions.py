@@ -68,6 +68,7 @@ def test_hovering_takes_one_photograph_at_each_stop_and_may_be_fast() -> None:
     assert mission.estimate.photographs == len(flight) // 2
 
 
+@pytest.mark.slow
 def test_without_a_trigger_the_lines_are_the_same_and_the_pilot_is_warned() -> None:
     silent, triggered = survey("none"), survey("distance")
     assert not {item.command for item in silent.items} & {CAMERA_DISTANCE, IMAGE_START}

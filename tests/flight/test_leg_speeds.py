@@ -120,6 +120,7 @@ def test_ways_are_fast_and_lines_slow(autopilot: str) -> None:
     assert mission.duration_s < 0.8 * slow.duration_s
 
 
+@pytest.mark.slow
 def test_one_short_line_does_not_slow_down_the_others() -> None:
     regions = [box(100, 100, 200, 90), box(600, 100, 40, 9)]
     survey = {"pattern": "survey", "spacing_m": 20.0, "photos": PHOTOS, "angle_deg": None}

@@ -83,6 +83,7 @@ def test_grown_zones_hold_the_zones_with_their_margin(margin: float) -> None:
     assert shapely.distance(grown.boundary, whole) >= margin
 
 
+@pytest.mark.slow
 def test_what_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MissionError, match="more than 2000 corners at a spacing of 1 m"):
         corridor(largest(400, 7), 1.0)

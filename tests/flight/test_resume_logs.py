@@ -149,6 +149,7 @@ def test_without_photographs_it_is_the_last_place_in_the_mission(autopilot: str,
     assert uavseg.resume(mission, start=log).missions == uavseg.resume(mission, start=number).missions
 
 
+@pytest.mark.slow
 def test_each_arming_begins_another_flight(tmp_path: Path) -> None:
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
     log.write_bytes(dataflash([*ardupilot(mission, 30), *ardupilot(mission, 8)]))
@@ -157,6 +158,7 @@ def test_each_arming_begins_another_flight(tmp_path: Path) -> None:
     assert end_of_log(log) == end_of_log(alone)
 
 
+@pytest.mark.slow
 def test_a_plane_flies_missions_in_another_mode(tmp_path: Path) -> None:
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
     events = [

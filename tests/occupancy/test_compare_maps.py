@@ -56,6 +56,7 @@ def test_the_other_way_round_is_exactly_the_reverse() -> None:
     assert there.share == back.share and there.angle_deg == pytest.approx(-back.angle_deg)
 
 
+@pytest.mark.slow
 def test_a_map_lies_on_itself_and_nothing_changed() -> None:
     one = seen(2, False)
     found = register(one, one)
@@ -111,6 +112,7 @@ def test_other_resolutions_register() -> None:
     assert abs(found.shift[0] - 0.3) < 0.3 and abs(found.angle_deg) < 0.3
 
 
+@pytest.mark.slow
 def test_maps_of_other_places_and_motions_beyond_the_limits_are_refused() -> None:
     rng = np.random.default_rng(1)
     boxes = [[(*rng.integers(10, 90, 1), *rng.integers(10, 150, 1), 14, 14) for _ in range(9)] for _ in "ab"]

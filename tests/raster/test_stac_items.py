@@ -68,6 +68,7 @@ def extracted(*sources: object) -> bytes:
     return Path("out.geojson").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

@@ -114,6 +114,7 @@ def test_legs_go_around_obstacles() -> None:
     assert not any(shapely.LineString(leg).intersection(zone.buffer(-0.01)).length for leg in flown.legs)
 
 
+@pytest.mark.slow
 def test_the_same_region_gives_the_same_survey() -> None:
     one, other = (survey(SHAPES["holes"], CoverParams(9)) for _ in range(2))
     assert np.array_equal(one.lines, other.lines)

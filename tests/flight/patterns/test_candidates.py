@@ -42,6 +42,7 @@ def test_a_survey_without_a_camera_says_that_it_takes_no_photographs() -> None:
     assert not [item for item in mission.items if item.command == CAMERA_DISTANCE]
 
 
+@pytest.mark.slow
 def test_photographs_begin_and_end_with_each_line() -> None:
     photos = Photos(CAMERA)
     mission = planned([box(0, 0, 300, 400)], pattern="survey", spacing_m=photos.spacing_m(60), photos=photos)

@@ -221,6 +221,7 @@ def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
     np.testing.assert_allclose(turned.log_odds, np.rot90(grid.log_odds, quarters), atol=1e-4)
 
 
+@pytest.mark.slow
 @given(unaligned_scans(), st.floats(-180, 180), st.floats(-50, 50))
 @settings(max_examples=30)
 def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, shift: float) -> None:

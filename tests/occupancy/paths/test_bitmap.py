@@ -18,6 +18,7 @@ def unpack(bits: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return (words >> (cols % 64).astype(np.uint64)) & np.uint64(1) > 0
 
 
+@pytest.mark.slow
 @given(MASKS)
 def test_a_packed_mask_is_unpacked_equal_and_has_an_impassable_frame(mask: np.ndarray) -> None:
     bits = pack_mask(mask)

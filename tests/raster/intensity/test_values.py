@@ -235,6 +235,7 @@ def test_values_too_far_apart_for_a_stretch_are_refused() -> None:
         fit_values(dataset, parse_stretch("auto"), ValueRange(50, 100, True), TilePass(dataset.windows()))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.lists(st.integers(-20, 20).map(lambda n: n / 10), min_size=2, max_size=6, unique=True),

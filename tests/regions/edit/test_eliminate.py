@@ -209,6 +209,7 @@ def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None
     assert np.array_equal(found.rings.labels, again.labels)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 60))
 @settings(max_examples=60)
 def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit: int) -> None:

@@ -61,6 +61,7 @@ def test_selected_rings_are_those_of_an_image_with_the_selected_labels(
     assert equal(without_nodes(selected), without_nodes(expected))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(label_images())
 def test_selecting_all_rings_changes_nothing(labels: Labels) -> None:

@@ -40,6 +40,7 @@ def saved() -> SavedBlocks:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_a_value_of_another_kind_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch, name: str
@@ -57,6 +58,7 @@ def test_a_value_of_another_kind_is_refused(
         assert name in str(caught.value) or "cells do not cover" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_description_that_is_no_object_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
