@@ -68,7 +68,6 @@ def test_hovering_takes_one_photograph_at_each_stop_and_may_be_fast() -> None:
     assert mission.estimate.photographs == len(flight) // 2
 
 
-@pytest.mark.slow
 def test_without_a_trigger_the_lines_are_the_same_and_the_pilot_is_warned() -> None:
     silent, triggered = survey("none"), survey("distance")
     assert not {item.command for item in silent.items} & {CAMERA_DISTANCE, IMAGE_START}
@@ -77,7 +76,6 @@ def test_without_a_trigger_the_lines_are_the_same_and_the_pilot_is_warned() -> N
     assert [note for note in silent.notes if "does not trigger the camera" in note and "15.0 m" in note]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("trigger", ["distance", "interval", "none"])
 def test_a_slow_camera_and_blur_limit_the_speed(trigger: str) -> None:
     mission = survey(trigger, speed_m_s=20.0)

@@ -105,7 +105,6 @@ def lines_and_ways(mission: Mission) -> tuple[list[float], list[float]]:
     return lines, ways
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_ways_are_fast_and_lines_slow(autopilot: str) -> None:
     regions = [box(100, 100, 120, 90), box(600, 100, 20, 20), box(1000, 500, 150, 90)]

@@ -91,7 +91,7 @@ def rows_of(frame: geopandas.GeoDataFrame) -> list[tuple[Any, ...]]:
     st.sampled_from([64, 128, 192]),
     st.sampled_from([64, 128, None]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_all_files_together_are_the_regions_of_one_process(
     written: Written, seed: int, name: str, side: int, tile: int | None
 ) -> None:

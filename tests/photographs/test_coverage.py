@@ -193,7 +193,7 @@ SUBSETS = st.sets(st.integers(0, len(PLAN.photographs) - 1), min_size=1)
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(SUBSETS, SUBSETS, st.randoms())
 def test_more_photographs_never_leave_more_gaps_and_their_order_does_not_matter(
     few: set[int], more: set[int], rng: Any

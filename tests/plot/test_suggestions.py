@@ -42,7 +42,6 @@ def test_one_class_and_flat_rasters_are_drawn_too(tmp_path: Path) -> None:
         assert width == 1600 and 400 < height < 2000
 
 
-@pytest.mark.slow
 def test_a_picture_is_a_png_and_replaces_nothing(tmp_path: Path) -> None:
     found, _ = found_in(halves())
     with pytest.raises(OutputError, match=r"call it look\.png"):

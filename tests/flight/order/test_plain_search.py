@@ -141,7 +141,7 @@ def on_a_grid(seed: int, count: int) -> tuple[Stops, np.ndarray, int]:
 @given(
     st.sampled_from([random_stops, near_stops, on_a_grid]),
     st.integers(0, 10**6),
-    st.integers(1, 75),
+    st.integers(1, 50),
     st.booleans(),
     st.booleans(),
 )

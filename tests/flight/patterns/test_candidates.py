@@ -42,7 +42,6 @@ def test_a_survey_without_a_camera_says_that_it_takes_no_photographs() -> None:
     assert not [item for item in mission.items if item.command == CAMERA_DISTANCE]
 
 
-@pytest.mark.slow
 def test_photographs_begin_and_end_with_each_line() -> None:
     photos = Photos(CAMERA)
     mission = planned([box(0, 0, 300, 400)], pattern="survey", spacing_m=photos.spacing_m(60), photos=photos)
@@ -71,7 +70,6 @@ def test_photographs_of_a_line_overlap_and_show_it_to_its_ends(
         assert trigger >= min(photos.trigger_m(height), photos.reach_m(height)) / 2 - 1e-9
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("size", [(300, 400), (37, 41), (61, 90)])
 def test_the_camera_keeps_up_on_every_line_and_a_lower_speed_is_reported(size: tuple[float, float]) -> None:
     photos = Photos(CAMERA)

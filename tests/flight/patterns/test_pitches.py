@@ -130,7 +130,6 @@ def turns(mission: Mission) -> list[tuple[int, float]]:
     ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("trigger", ["distance", "interval", "hover", "none"])
 def test_the_gimbal_turns_past_the_lines(trigger: str) -> None:
     mission = planned([FIELD], **survey((-90, -60, -45), trigger=trigger))
@@ -177,7 +176,6 @@ def test_one_pitch_is_one_pass_as_a_number_or_alone() -> None:
         assert one.photos and one.spacing_m == pytest.approx(one.photos.spacing_m(found.altitude_m))
 
 
-@pytest.mark.slow
 def test_each_flight_begins_with_its_pitch() -> None:
     params = survey((-90, -60, -45), limits=LimitParams(max_items=70))
     found = flights([FIELD], **params)
@@ -200,7 +198,6 @@ def test_each_flight_begins_with_its_pitch() -> None:
             assert counts[0] <= counts[1] <= counts[0] + 2 * len(found)
 
 
-@pytest.mark.slow
 def test_estimates_follow_the_items() -> None:
     params = survey((-90, -60))
     mission = planned([FIELD], **params)
@@ -219,7 +216,6 @@ def test_estimates_follow_the_items() -> None:
     assert {path.pitch_deg[run.leg] for run in path.shots} == {-90, -60}
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints", ".kmz", ".csv"])
 @pytest.mark.parametrize("trigger", ["distance", "hover"])
 @pytest.mark.filterwarnings("ignore::UserWarning")
@@ -246,7 +242,6 @@ def test_formats_hold_the_pitches(suffix: str, trigger: str, tmp_path: Path) -> 
         assert kinds[0] == kinds[1]
 
 
-@pytest.mark.slow
 def test_editable_survey_items_are_straight_down_or_none(tmp_path: Path) -> None:
     for pitches in ((-90, -60), (-70, -50)):
         mission = planned([FIELD], **survey(pitches))
@@ -274,7 +269,6 @@ def test_several_pitches_are_for_surveys(pattern: str) -> None:
         PlanParams(60.0, pattern, 20.0 if pattern == "corridor" else None, photos=photos)
 
 
-@pytest.mark.slow
 def test_zones_beside_the_region_are_kept_out_of_and_named() -> None:
     zone = box(110, 158, 30, 20)  # on the lines from outside
     mission = planned([FIELD], zones=[zone], **survey())

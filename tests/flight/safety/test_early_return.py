@@ -50,7 +50,6 @@ def test_a_return_above_the_allowed_height_is_noted(autopilot: str, most_m: floa
     assert not any("--max-altitude" in note for note in near.warnings)  # within the cone it stays low
 
 
-@pytest.mark.slow
 def test_rally_points_go_to_the_flights_whose_fence_holds_them() -> None:
     from uavseg.flight.mission.items import RallyPoint
 

@@ -72,7 +72,6 @@ def test_the_way_around_is_the_shortest_one_and_the_way_home_is_planned_as_well(
     assert waypoints(mission)[-1] == pytest.approx((8.0, 47.0), abs=1e-7)  # then the return needs no way
 
 
-@pytest.mark.slow
 def test_without_a_zone_in_the_way_nothing_changes() -> None:
     regions = [box(0, 100, 90, 60), box(200, 0, 40, 80)]
     aside = planned(regions, zones=[box(-900, -900, 50, 50)], pattern="survey", spacing_m=15)

@@ -52,7 +52,6 @@ def test_pyarrow_reads_what_the_regions_hold(
     assert shapely.equals(shapely.from_wkb(table["geometry"].to_pylist()), regions.polygons).all()
 
 
-@pytest.mark.slow
 @given(rows=ROWS)
 def test_pyogrio_reads_what_the_regions_hold(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, float, str | None]]

@@ -87,7 +87,7 @@ def regions_of(outlined: RegionOutlines) -> Iterator[Region]:
 
 @pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from(SIDES), st.sampled_from(SIDES))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_the_regions_of_all_partitions_are_those_of_the_raster(
     sourced: Sourced, seed: int, side: int, tile: int
 ) -> None:

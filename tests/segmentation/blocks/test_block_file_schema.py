@@ -40,7 +40,6 @@ def saved() -> SavedBlocks:
     )
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_a_value_of_another_kind_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch, name: str
