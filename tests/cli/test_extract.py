@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -430,9 +431,10 @@ EUROPA = (
 )
 
 
-@pytest.fixture
-def odds_and_ends(folder: Path) -> Path:
-    image = picture(FIELDS)
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, image = tmp_path_factory.mktemp("drawn"), picture(FIELDS)
+    write(folder / "tile.tif", image)
     write(folder / "local.tif", image, **NOWHERE)
     write(folder / "elsewhere.tif", image, crs="EPSG:32619")
     write(folder / "coarse.tif", image, transform=Affine(3, 0, 4e5, 0, -3, 5e6))
@@ -443,9 +445,17 @@ def odds_and_ends(folder: Path) -> Path:
     (folder / "empty.tif").touch()
     (folder / "folder.gpkg").mkdir()
     (folder / "none.dir").mkdir()
-    result = CliRunner().invoke(main, ["divide", "tile.tif", "-o", "blocks.tif", "-q"])
+    with chdir(folder):
+        result = CliRunner().invoke(main, ["divide", "tile.tif", "-o", "blocks.tif", "-q"])
     assert result.exit_code == 0, result.output
     return folder
+
+
+@pytest.fixture
+def odds_and_ends(drawn: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One folder for all refusals, each of which leaves it as it was."""
+    monkeypatch.chdir(drawn)
+    return drawn
 
 
 @pytest.mark.parametrize("case", REFUSALS)

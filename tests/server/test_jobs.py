@@ -118,6 +118,7 @@ def test_answers_about_a_place_are_samples_of_match(server: MapServer, tmp_path:
     assert saved(server, report, "regions.gpkg") == target.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", [pytest.param("auto", marks=pytest.mark.slow), [49.4586, -122.8276]])
 def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path) -> None:
     regions = run_job(server.url, "extract", {"low": 0.55, "high": 1, "min_area": 200})

@@ -248,7 +248,7 @@ def _text(value: Any) -> str:
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-@pytest.mark.parametrize("kind", ["frame", "geojson", "gpkg"])
+@pytest.mark.parametrize("kind", ["frame", pytest.param("geojson", marks=pytest.mark.slow), "gpkg"])
 @pytest.mark.parametrize("name", READINGS)
 def test_the_slider_shows_the_intensity_of_the_regions(name: str, kind: str, tmp_path: Path) -> None:
     reading, raster = READINGS[name], write_bands(tmp_path / "x.tif")

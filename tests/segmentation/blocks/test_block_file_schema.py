@@ -40,7 +40,13 @@ def saved() -> SavedBlocks:
     )
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in ("rows", "stretch", "nodata") else pytest.mark.slow)
+        for name in WRONG
+    ],
+)
 def test_a_value_of_another_kind_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
