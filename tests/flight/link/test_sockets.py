@@ -232,7 +232,7 @@ def test_an_interruption_ends_a_wait(when: float) -> None:
 
     with udp_vehicle(vehicle) if when > 0.5 else nullcontext(f"udpin:{LOOPBACK}:{free_port()}") as address:
         presser = threading.Thread(target=press, daemon=True)
-        presser.start()
         with pytest.raises(KeyboardInterrupt):
+            presser.start()
             upload(survey(), LinkRequest(address, 600.0))
         presser.join()
