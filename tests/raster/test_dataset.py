@@ -75,7 +75,6 @@ def test_a_pickled_dataset_is_small(holed):
     assert len(pickle.dumps(holed)) < 4000
 
 
-@pytest.mark.slow
 def test_few_files_stay_open(write_raster):
     files = [
         write_raster(np.full((4, 4), k, np.uint8), transform=Affine(1, 0, 4 * k, 0, -1, 9)) for k in range(80)
@@ -243,7 +242,6 @@ def test_the_block_cache_of_the_process_keeps_its_size(holed, monkeypatch):
     assert get_gdal_config("GDAL_CACHEMAX") == before
 
 
-@pytest.mark.slow
 def test_a_foreign_proj_database_is_named(write_raster, tmp_path):
     code = "import sys; from uavseg.raster.read.dataset import Dataset; Dataset.open(sys.argv[1])"
     answer = subprocess.run(

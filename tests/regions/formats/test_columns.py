@@ -32,7 +32,6 @@ def regions_of(rows: list[tuple[int, float, str | None]]) -> Regions:
     return Regions(columns, polygons, CRS(32632).to_wkt())
 
 
-@pytest.mark.slow
 @given(rows=ROWS, size=st.integers(1, 50))
 def test_pyarrow_reads_what_the_regions_hold(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, float, str | None]], size: int
