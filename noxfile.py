@@ -22,6 +22,7 @@ import nox
 
 nox.options.sessions = ["fast", "lint"]
 nox.options.reuse_existing_virtualenvs = True
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # else each worker and command compiles all modules again
 
 PYTHONS = ["3.11", "3.12", "3.13"]
 ROOT = Path(__file__).resolve().parent

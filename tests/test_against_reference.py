@@ -106,6 +106,7 @@ def describe(seed: int, case: Case, side: int) -> str:
     return f"seed {seed}, tiles of {side}, {case.params}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "first", some_fast(RASTERS, thorough=120), ids=lambda first: f"seeds {first} to {first + CHUNK - 1}"
 )
@@ -148,6 +149,7 @@ def write(path: Path, values: NDArray[Any], valid: NDArray[np.bool_], seed: int)
             file.write_mask(valid)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", some_fast(FILES), ids=lambda first: f"seeds {first} to {first + 9}")
 def test_regions_of_a_file_are_those_of_the_reference(
     reference: ModuleType, tmp_path: Path, first: int

@@ -407,6 +407,7 @@ MATCH: list[tuple[Any, Words]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("job", "source", "words"),
     some_fast(
@@ -426,6 +427,7 @@ def test_regions(job: str, source: Any, words: Words) -> None:
     assert_equal(in_python(lambda: geojson_of(call(source, **words))), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     some_fast(
@@ -798,6 +800,7 @@ def test_states(source: str, words: Words) -> None:
     assert_equal(in_python(classify_states), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     [
@@ -962,6 +965,7 @@ def test_next_views(source: str, words: Words) -> None:
     assert_equal(in_python(lambda: uavseg.next_views(source, **words).to_geojson().encode()), expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scene", "words"),
     [
@@ -1003,28 +1007,40 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.geojson", FLIGHT | {"home": (10.0, 10.0)}),
     ("regions.geojson", FLIGHT | {"altitude": 0}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "visit"}),
-    ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk"}),
-    ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0}),
-    ("regions.geojson", {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0}),
-    ("regions.geojson", {"camera": "rx1r ii", "gsd": 2.0, "home": "auto", "gimbal_pitch": (-90.0, -60.0)}),
+    ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "angle": 20.0}),
+    (
+        "regions.geojson",
+        FLIGHT | {"camera": "rx1r ii", "overlap": (80.0, 60.0), "gimbal_pitch": -80.0, "angle": 0.0},
+    ),
+    (
+        "regions.geojson",
+        {"camera": "mavic 3 enterprise", "gsd": 1.5, "home": "auto", "speed": 12.0, "angle": 90.0},
+    ),
+    (
+        "regions.geojson",
+        {"camera": "rx1r ii", "gsd": 2.0, "home": "auto", "gimbal_pitch": (-90.0, -60.0), "angle": 0.0},
+    ),
     ("regions.geojson", FLIGHT | {"camera": "rx1r ii", "pattern": "orbit", "gimbal_pitch": (-90.0, -60.0)}),
     ("regions.geojson", FLIGHT | {"camera": "phantom"}),
     ("regions.geojson", FLIGHT | {"vehicle": "weak.json"}),
     ("regions.geojson", FLIGHT | {"vehicle": "missing.json"}),
     (
         "regions.geojson",
-        FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0)},
+        FLIGHT | {"camera": "phantom 4 rtk", "trigger": "hover", "overlap": (30.0, 9.0), "angle": 0.0},
     ),
-    ("regions.geojson", FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0}),
-    ("regions.geojson", FLIGHT | {"spacing": 15, "crosshatch": True}),
+    (
+        "regions.geojson",
+        FLIGHT | {"camera": "phantom 4 rtk", "trigger": "interval", "turnaround": 20.0, "angle": 45.0},
+    ),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "angle": 10.0, "crosshatch": True}),
     ("regions.geojson", FLIGHT | {"spacing": 15, "pattern": "corridor", "margin": 5.0}),
     ("regions.gpkg", FLIGHT | {"pattern": "perimeter", "offset": 4.0, "min_leg": 8.0, "holes": "fly"}),
     ("regions.geojson", FLIGHT | {"pattern": "orbit", "margin": 10.0, "camera": "phantom 4 rtk"}),
     ("regions.geojson", FLIGHT | {"pattern": "visit", "hold": 5.0}),
     ("regions.geojson", FLIGHT | {"pattern": "visit", "margin": 5.0}),
-    ("regions.geojson", FLIGHT | {"spacing": 15, "trigger": "hover"}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "angle": 0.0, "trigger": "hover"}),
     ("regions.geojson", {"home": "auto"}),
-    ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15}),
+    ("regions.geojson", FLIGHT | {"dem": "ground.tif", "spacing": 15, "angle": 0.0}),
     ("regions.geojson", FLIGHT | {"dem": "ground.tif", "terrain": "relative", "terrain_tolerance": 1.5}),
     ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain": "frame", "climb": 1.0, "descent": 0.5}),
     ("regions.gpkg", FLIGHT | {"terrain": "frame"}),
@@ -1032,9 +1048,9 @@ PLANNED: list[tuple[str, Words]] = [
     ("regions.gpkg", FLIGHT | {"dem": "ground.tif", "terrain_tolerance": 99.0}),
     ("regions.gpkg", FLIGHT | {"dem": "missing.tif"}),
     ("regions.gpkg", FLIGHT | {"dem": "tile.tif"}),
-    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "zone.geojson", "avoid_margin": 4.0}),
-    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
-    ("regions.geojson", FLIGHT | {"spacing": 15, "avoid": "masts.geojson", "zone_width": 4.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "angle": 0.0, "avoid": "zone.geojson", "avoid_margin": 4.0}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "angle": 0.0, "avoid": (0.0, 0.2), "raster": "tile.tif"}),
+    ("regions.geojson", FLIGHT | {"spacing": 15, "angle": 0.0, "avoid": "masts.geojson", "zone_width": 4.0}),
     ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_height": 20.0}),
     ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_height": 20.0, "dem": "ground.tif"}),
     ("regions.geojson", FLIGHT | {"avoid": "masts.geojson", "zone_width": 0.0}),
@@ -1108,7 +1124,7 @@ def test_missions(source: str, words: Words, suffix: str) -> None:
     ],
 )
 def test_several_flights(words: Words, suffix: str) -> None:
-    words = FLIGHT | {"spacing": 15} | words
+    words = FLIGHT | {"spacing": 15, "angle": 0.0} | words
     for old in Path().glob(f"*several*{suffix}"):
         old.unlink()
     line = ["regions.geojson", *options(words), "-o", f"several{suffix}"]
@@ -1150,9 +1166,9 @@ SUFFIXES = (".kmz", ".csv", ".kml", ".geojson", ".plan")
     [
         pytest.param(words, suffix, marks=[] if suffix in checked else pytest.mark.thorough)
         for words, checked in (
-            ({"spacing": 15}, SUFFIXES),
-            ({"camera": "matrice 30"}, (".kmz", ".csv")),
-            ({"camera": "phantom 4 rtk"}, (".kmz", ".plan")),
+            ({"spacing": 15, "angle": 0.0}, SUFFIXES),
+            ({"camera": "matrice 30", "angle": 0.0}, (".kmz", ".csv")),
+            ({"camera": "phantom 4 rtk", "angle": 0.0}, (".kmz", ".plan")),
         )
         for suffix in SUFFIXES
     ],
@@ -1240,6 +1256,7 @@ SEEN: list[Words] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", SEEN)
 @pytest.mark.parametrize("photos", ["photos", "missing", "photos/0.jpg"])
 def test_checks_of_photographs(photos: str, words: Words) -> None:
@@ -1480,6 +1497,7 @@ COMPARE: list[tuple[str, str, Words]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("before", "after", "words"), COMPARE)
 def test_comparisons(before: str, after: str, words: Words) -> None:
     ranges = words["range"] if isinstance(words.get("range"), list) else []

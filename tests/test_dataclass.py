@@ -60,6 +60,7 @@ CALLS = st.tuples(
 )
 
 
+@pytest.mark.slow
 @given(CALLS, CALLS, st.booleans())
 def test_calls_values_comparisons_and_texts_are_those_of_the_standard_library(
     one: Any, other: Any, slots: bool

@@ -178,6 +178,7 @@ ONLY_IN = {
 }
 
 
+@pytest.mark.slow
 def test_some_packages_never_import_each_other() -> None:
     pairs = {
         (package_of(found.importer), package_of(found.imported))
@@ -307,6 +308,7 @@ def test_help_brings_in_nothing_heavy() -> None:
     assert not loaded_by("from uavseg.cli import main; main(['--help'], standalone_mode=False)") & HEAVY
 
 
+@pytest.mark.slow
 def test_help_of_a_command_brings_in_nothing_heavy_but_numpy() -> None:
     program = (
         "from uavseg.cli import main\n"

@@ -177,6 +177,7 @@ def wrong_levels(
     return [] if same else [("levels", width, runner[0], case.X, case.tau)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "first",
     [
@@ -202,6 +203,7 @@ def test_maps_are_those_of_the_reference(reference: ModuleType, tmp_path: Path, 
     assert not different
 
 
+@pytest.mark.slow
 def test_the_maps_are_of_every_kind(reference: ModuleType) -> None:
     maps = [random_map(seed) for seed in range(MAPS)]
     assert {values.dtype.name for values, _ in maps} == {"uint8", "float32", "float64"}
@@ -231,6 +233,7 @@ def real_map(folder: Path, name: str, tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
 def test_real_maps_are_those_of_the_reference(
     reference: ModuleType, shared_data: Path, tmp_path: Path, name: str

@@ -156,6 +156,7 @@ def test_overwriting_gives_the_same_bytes(fresh: Iterator[Path]) -> None:
         assert_same(before, contents(Path()))
 
 
+@pytest.mark.slow
 def test_a_block_map_gives_the_same_bytes_as_its_raster(fresh: Iterator[Path]) -> None:
     with chdir(next(fresh)):
         run("divide", QUARRY, "-o", "blocks.tif", "-q", "--tile", 128)
@@ -211,6 +212,7 @@ def test_consistent_overlaps_do_not_change_the_result(fresh: Iterator[Path]) -> 
         assert_geodataframe_equal(found, wanted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "stored",
     [

@@ -61,6 +61,7 @@ def test_the_package_is_no_larger() -> None:
     assert lines <= MAX_LINES and len(modules()) <= MAX_FILES
 
 
+@pytest.mark.slow
 def test_extracting_loads_and_enters_no_more() -> None:
     entered, loaded = extracting()
     assert len(loaded) <= MAX_STARTED

@@ -57,6 +57,7 @@ JOBS: list[Any] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*color hardly parts")
 @pytest.mark.parametrize(("job", "words"), JOBS)
 @pytest.mark.parametrize("suffix", ["gpkg", "parquet"])

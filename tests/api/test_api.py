@@ -128,6 +128,7 @@ def test_options_are_those_of_the_command_line(raster: Path, regions: geopandas.
     assert len(uavseg.extract(raster, (0.05, 0.2), stretch="0,510", nodata=30, band=1)) >= 1
 
 
+@pytest.mark.slow
 def test_tile_and_threads_change_nothing(raster: Path, regions: geopandas.GeoDataFrame) -> None:
     for tile, threads in ((64, 1), (128, 2), (4096, 3)):
         same(uavseg.extract(raster, RANGE, tile=tile, threads=threads), regions)
@@ -159,6 +160,7 @@ def test_regions_become_a_mission(regions: geopandas.GeoDataFrame) -> None:
     assert given == set(mission.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("pattern", ["visit", "corridor", "survey", "perimeter"])
 def test_digits_that_formats_cut_off_decide_nothing(pattern: str) -> None:
@@ -226,6 +228,7 @@ def test_every_public_word_is_there() -> None:
         uavseg.fly  # noqa: B018
 
 
+@pytest.mark.slow
 def test_words_are_loaded_when_they_are_first_used() -> None:
     code = (
         "import sys, uavseg; print('numpy' in sys.modules, 'extract' in vars(uavseg));"
@@ -284,6 +287,7 @@ def test_a_map_becomes_states_and_objects(tmp_path: Path) -> None:
     assert found.geobox.shape == (140, 180)
 
 
+@pytest.mark.slow
 def test_maps_of_every_kind_are_the_same_map(tmp_path: Path) -> None:
     from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.mapping.grid import OccupancyGrid

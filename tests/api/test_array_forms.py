@@ -309,6 +309,7 @@ def test_a_picture_with_alpha_is_answered_like_its_file_and_says_so(expected: An
             uavseg.extract(form, RANGE)
 
 
+@pytest.mark.slow
 def test_nodata_of_attributes_and_of_encodings_is_that_of_a_file(expected: Any) -> None:
     wanted = expected(nodata=200)
     same(answer(data_array().rio.write_nodata(200)), wanted)
@@ -572,6 +573,7 @@ def shown_in(frame: Any) -> Any:
     return frame.drop(columns="source").to_json()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

@@ -36,6 +36,7 @@ def data_of(widget: RangeWidget) -> dict[str, Any]:
     return found
 
 
+@pytest.mark.slow
 def test_regions_are_those_of_extract_in_the_range(name: str) -> None:
     widget = RangeWidget(name, (0.4, 1), min_area="20px", height=300)
     for chosen in [(0.4, 1), (0.05, 0.3)]:

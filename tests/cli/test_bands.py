@@ -55,6 +55,7 @@ def test_an_index_finds_what_no_band_alone_tells_from_noise() -> None:
     assert found["mean"].to_numpy() == pytest.approx((1 + 30 / 150) / 2, abs=0.01)
 
 
+@pytest.mark.slow
 def test_an_index_an_expression_and_numbers_give_the_same_regions() -> None:
     known = regions("named.tif", "--index", "ndvi").geometry
     stretched = ("--stretch", "-1,1")
@@ -67,6 +68,7 @@ def test_an_index_an_expression_and_numbers_give_the_same_regions() -> None:
         assert regions(*words).geometry.equals(known), words
 
 
+@pytest.mark.slow
 def test_a_band_is_taken_by_name_or_number() -> None:
     known = regions("plain.tif", "--band", 4, "--stretch", "40,110")
     assert len(known) == 4

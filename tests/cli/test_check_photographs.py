@@ -32,6 +32,7 @@ from uavseg.regions.formats.read import read_regions
 
 LENS = ((120, 80), 80.0)  # the angles of a DJI Phantom 4 Pro
 CAMERA = "phantom 4 pro"
+SUFFIXES = (".geojson", ".gpkg", ".fgb", ".parquet", ".shp", ".kml")
 
 
 def check(*arguments: object) -> Result:
@@ -60,8 +61,8 @@ def photograph(path: Path, folder: Path, keep: Any = lambda k: True, **changes: 
 
 def plan(regions: object, output: Path, home: tuple[float, ...] = HOME) -> Path:
     """Fly over regions as before."""
-    place = ",".join(map(str, home))
-    words = ["plan", str(regions), "--camera", CAMERA, "--altitude", "60", "--home", place, "-o", str(output)]
+    flight = ["--camera", CAMERA, "--altitude", "60", "--home", ",".join(map(str, home)), "--angle", "0"]
+    words = ["plan", str(regions), *flight, "-o", str(output)]
     result = CliRunner().invoke(main, words)
     assert result.exit_code == 0, result.output
     return output
@@ -89,7 +90,10 @@ def test_all_photographs_are_exit_code_0(flown: Path, tmp_path: Path) -> None:
     assert json.loads(gaps.read_text())["features"] == []
 
 
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".fgb", ".parquet", ".shp", ".kml"])
+@pytest.mark.parametrize(
+    "suffix",
+    [".geojson", *(pytest.param(one, marks=pytest.mark.slow) for one in SUFFIXES[1:])],
+)
 def test_gaps_are_regions_that_plan_takes(flown: Path, tmp_path: Path, suffix: str) -> None:
     gaps = tmp_path / f"gaps{suffix}"
     words = [flown / "survey.plan", "--photos", flown / "some", "--regions", flown / "field.geojson"]
@@ -117,6 +121,7 @@ PLACES: list[tuple[tuple[float, ...], Any]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("home", "regions"), PLACES)
 def test_the_next_flight_completes_the_first(home: Any, regions: Any, tmp_path: Path) -> None:
     field, gaps, photos = tmp_path / "field.geojson", tmp_path / "gaps.geojson", tmp_path / "photos"
@@ -132,6 +137,7 @@ def test_the_next_flight_completes_the_first(home: Any, regions: Any, tmp_path: 
     assert result.exit_code == 0
 
 
+@pytest.mark.slow
 def test_the_ground_of_an_elevation_model_is_covered(tmp_path: Path) -> None:
     """A hillside that rises with the flight: less is seen of it than of flat ground."""
     dem, photos, field = tmp_path / "dem.tif", tmp_path / "photos", tmp_path / "field.geojson"
@@ -155,6 +161,7 @@ def test_the_ground_of_an_elevation_model_is_covered(tmp_path: Path) -> None:
     assert hill.overlap["beside"]["median"] < flat.overlap["beside"]["median"]
 
 
+@pytest.mark.slow
 def test_python_gives_the_same(flown: Path, tmp_path: Path) -> None:
     gaps = tmp_path / "gaps.geojson"
     result = check(flown / "survey.plan", "--photos", flown / "some", "--gaps", gaps, "--json")
@@ -166,11 +173,12 @@ def test_python_gives_the_same(flown: Path, tmp_path: Path) -> None:
     assert written["area_m2"].to_numpy() == pytest.approx(found.gaps["area_m2"].to_numpy(), abs=1e-3)
     assert found.problems and found.coverage is not None
     with pytest.warns(UserWarning, match="over flat ground"):
-        again = uavseg.plan(found.gaps, camera=CAMERA, altitude=60, home=HOME)
+        again = uavseg.plan(found.gaps, camera=CAMERA, altitude=60, home=HOME, angle=0)
     assert again.regions == len(found.gaps)
     assert len(uavseg.check(flown / "survey.plan").gaps) == 0
 
 
+@pytest.mark.slow
 def test_a_camera_and_a_home_may_be_named(flown: Path, tmp_path: Path) -> None:
     words = [flown / "survey.plan", "--photos", flown / "all"]
     near = check(*words, "--camera", CAMERA, "--home", "47,8,430", "--json")
@@ -225,6 +233,7 @@ def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -
     assert result.exit_code == 1 and survey_plan.stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".bin", ".ulg"])
 def test_the_log_of_a_flight_tells_what_its_photographs_tell(
     flown: Path, tmp_path: Path, suffix: str
@@ -263,6 +272,7 @@ def logged(suffix: str, shots: Sequence[Photograph]) -> bytes:
     return ulog(messages)
 
 
+@pytest.mark.slow
 def test_a_picture_shows_footprints_and_gaps(flown: Path, tmp_path: Path) -> None:
     gaps, prints = tmp_path / "gaps.gpkg", tmp_path / "footprints.gpkg"
     check(flown / "survey.plan", "--photos", flown / "some", "--gaps", gaps)

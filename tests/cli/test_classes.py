@@ -78,6 +78,7 @@ def test_adjoining_classes_share_borders_without_gaps_or_overlaps() -> None:
     assert sum(len(part.interiors) for part in shapely.get_parts(union)) == 1  # the nodata
 
 
+@pytest.mark.slow
 def test_classes_of_a_file_have_colours_and_the_same_regions() -> None:
     Path("c.csv").write_text('Name,Range,Colour\ndark,"0,0.3",#2040FF\nmid,"0.3,0.55",\nbright,"0.55,1",\n')
     Path("low.csv").write_text("class,low,high\ndark,0,0.3\nmid,0.3,0.55\nbright,0.55,1\n")
@@ -294,6 +295,7 @@ def test_no_leg_enters_a_class_that_is_kept_out_of() -> None:
         assert shapely.intersects(shapely.union_all(lines), water) != bool(words)
 
 
+@pytest.mark.slow
 def test_a_mission_over_classes_is_over_the_class_that_is_named() -> None:
     how = ("--min-area", "2000px", "--altitude", 40, "--home", "auto", "--allow-edge", "--overwrite")
     requested = ("--class", "dark=0,0.3", "--class", "mid=0.3,0.55")
@@ -331,6 +333,7 @@ def test_a_mission_over_classes_is_over_the_class_that_is_named() -> None:
     assert ("that --min-area drops" in again.stderr) == (again.exit_code == 0)
 
 
+@pytest.mark.slow
 def test_preview_draws_regions_in_the_colours_of_their_classes() -> None:
     Path("c.csv").write_text("name,low,high,color\ndark,0,0.3,#0000ff\nbright,0.55,1,#ff0000\n")
     done("extract", "a.tif", "--classes", "c.csv", "-o", "a.gpkg")

@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -248,6 +249,28 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
 # What is refused
 
 
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for all refusals, each of which leaves it as it was."""
+    with chdir(tmp_path_factory.mktemp("drawn")):
+        write("map.tif", room())
+        write("there.tif", room())
+        Path("there.pgm").write_text("mine")
+        grey_picture("there.png", room())
+        write("nothing.tif", np.full((70, 80), np.nan, np.float32))
+        write("high.tif", np.full((70, 80), 7, np.float32))
+        write("stretched.tif", room(), transform=Affine(2, 0, 0, 0, -1, 0))
+        good = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n"
+        ros_map("raw")
+        Path("good.yaml").write_text(f"image: raw.pgm\n{good}")
+        Path("lone.yaml").write_text(f"image: lone.pgm\n{good}")
+        Path("overlap.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.2", "0.7"))
+        Path("negative.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", "-0.05"))
+        Path("nan.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", ".nan"))
+        CliRunner().invoke(main, ["divide", "map.tif", "-o", "blocks.tif", "-q"])
+        return Path.cwd()
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -293,21 +316,10 @@ def test_nodata_is_unknown_to_ros_and_that_is_said() -> None:
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) -> None:
-    write("there.tif", room())
-    Path("there.pgm").write_text("mine")
-    grey_picture("there.png", room())
-    write("nothing.tif", np.full((70, 80), np.nan, np.float32))
-    write("high.tif", np.full((70, 80), 7, np.float32))
-    write("stretched.tif", room(), transform=Affine(2, 0, 0, 0, -1, 0))
-    good = "resolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.6\nfree_thresh: 0.2\n"
-    ros_map("raw")
-    Path("good.yaml").write_text(f"image: raw.pgm\n{good}")
-    Path("lone.yaml").write_text(f"image: lone.pgm\n{good}")
-    Path("overlap.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.2", "0.7"))
-    Path("negative.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", "-0.05"))
-    Path("nan.yaml").write_text(f"image: raw.pgm\n{good}".replace("0.05", ".nan"))
-    CliRunner().invoke(main, ["divide", "map.tif", "-o", "blocks.tif", "-q"])
+def test_bad_input_is_one_line_and_nothing_written(
+    drawn: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], said: str
+) -> None:
+    monkeypatch.chdir(drawn)
     assert said in refused(*words)
 
 

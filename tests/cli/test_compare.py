@@ -66,9 +66,11 @@ def test_changes_are_a_file_of_regions_with_sums_and_a_picture() -> None:
     assert Path("changes.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_a_mission_flies_over_what_was_gained() -> None:
     done("before.tif", "after.tif", *RANGE)
     fly = ["plan", "changes.gpkg", "-o", "fly.plan", "--altitude", "40", "--home", "auto", "--spacing", "15"]
+    fly += ["--angle", "0"]
     planned = CliRunner().invoke(main, [*fly, "--where", "class == 'gained'"])
     assert planned.exit_code == 0 and "1 region" in planned.output
     items = json.loads(Path("fly.plan").read_text())["mission"]["items"]
@@ -79,6 +81,7 @@ def test_a_mission_flies_over_what_was_gained() -> None:
     assert drawn.exit_code == 0 and Path("p.png").exists()
 
 
+@pytest.mark.slow
 def test_two_maps_are_registered_and_the_shift_is_said(maps: tuple[str, str]) -> None:
     result = done(*maps, "-o", "changes.geojson", "--png", "changes.png")
     assert "of the occupied cells lie on each other" in result.stderr
@@ -89,11 +92,13 @@ def test_two_maps_are_registered_and_the_shift_is_said(maps: tuple[str, str]) ->
     assert np.abs(np.array(numbers[:3]) - (2, 1, 1)).max() < 0.3
 
 
+@pytest.mark.slow
 def test_a_map_has_not_changed_from_itself(maps: tuple[str, str]) -> None:
     result = done(maps[0], maps[0], "-o", "-")
     assert json.loads(result.stdout)["features"] == [] and "no change" in result.stderr
 
 
+@pytest.mark.slow
 def test_nothing_is_overwritten_or_left_half(maps: tuple[str, str]) -> None:
     Path("changes.gpkg").write_text("kept")
     for words, text in (

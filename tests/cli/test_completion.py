@@ -59,6 +59,7 @@ def test_commands_options_and_choices_are_completed(environment: dict[str, str])
     assert completed(environment, "extract", "--no-such") == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -29,6 +29,7 @@ def extracted(*words: object) -> None:
     assert done.exit_code == 0, done.output
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("ending", "crs"),
     [
@@ -53,15 +54,28 @@ def test_regions_are_where_geopandas_puts_them(crs: str, ending: str, tmp_path: 
         np.testing.assert_array_equal(found["area_m2"], expected["area_m2"])  # on the ground
 
 
+@pytest.mark.slow
 def test_a_mission_and_labels_do_not_change(tmp_path: Path) -> None:
     for name, words in (("own", ()), ("moved", ("--crs", "EPSG:3005"))):
         files = ("-o", tmp_path / f"{name}.gpkg", "--labels", tmp_path / f"{name}.tif")
-        flight = ("--mission", tmp_path / f"{name}.plan", "--altitude", 60, "--home", "auto", "--spacing", 30)
+        flight = (
+            "--mission",
+            tmp_path / f"{name}.plan",
+            "--altitude",
+            60,
+            "--home",
+            "auto",
+            "--spacing",
+            30,
+            "--angle",
+            0,
+        )
         extracted(*files, *flight, *words)
     for ending in ("plan", "tif"):
         assert (tmp_path / f"own.{ending}").read_bytes() == (tmp_path / f"moved.{ending}").read_bytes()
 
 
+@pytest.mark.slow
 def test_streams_and_each_raster_have_it_too(tmp_path: Path) -> None:
     done = run("levels", QUARRY, "--width", 0.3, "-q", "-o", "-", "--projected", "--crs", "EPSG:3005")
     assert done.exit_code == 0 and "EPSG::3005" in done.stdout

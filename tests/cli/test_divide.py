@@ -247,6 +247,7 @@ def write_map(path: str) -> None:
     write_ros_map(path, states, local_geobox(states.shape, 0.1, (3, 4)))
 
 
+@pytest.mark.slow
 def test_a_ros_map_is_divided_and_its_block_map_answers_as_the_map_does() -> None:
     Path("maps").mkdir()
     write_map("maps/hall.yaml")

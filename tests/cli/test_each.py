@@ -50,6 +50,7 @@ def outputs() -> list[str]:
     return sorted(os.listdir("out"))  # noqa: PTH208
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "suffix"),
     [
@@ -99,6 +100,7 @@ def test_a_folder_without_each_is_a_mosaic() -> None:
     assert "-o tiles.0-" in run("suggest", "tiles/").stdout
 
 
+@pytest.mark.slow
 def test_failures_are_listed_at_the_end_and_the_others_written() -> None:
     Path("tiles/1.tif").write_bytes(b"no raster")
     write("tiles/2.tif", 2, placed=False)
@@ -120,6 +122,7 @@ def test_equal_warnings_are_said_once() -> None:
     assert line.startswith("uavseg: warning: tiles/0.tif and 3 others: no region has a mean v in 0.9999..1")
 
 
+@pytest.mark.slow
 def test_nothing_is_overwritten_and_what_is_done_can_be_left_out() -> None:
     assert run("extract", "tiles/1.tif", *EACH, "-o", "out/{stem}.gpkg").exit_code == 0
     before = Path("out/1.gpkg").stat()

@@ -75,6 +75,7 @@ def test_a_live_grid_has_views() -> None:
     assert found.views and found.views[0].score == 1.0
 
 
+@pytest.mark.slow
 def test_a_drive_writes_all_that_is_asked_for() -> None:
     line = ["explore", "lens", "--range", 1, "--step", 2, "-o", "drive.geojson", "--table", "drive.csv"]
     line += ["--map", "map.tif", "--animation", "drive.gif"]

@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -206,6 +207,7 @@ def test_outlines_are_drawn_without_stairs_around_the_same_pixels() -> None:
     assert simple.get_coordinates().shape[0] < smooth.get_coordinates().shape[0] / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method, refine", [("paper", "scan"), ("adaptive", "tv")])
 def test_what_is_not_said_of_refinement_follows_the_method(method: str, refine: str) -> None:
     image = np.random.default_rng(5).normal(105, 20, (128, 192))
@@ -347,7 +349,7 @@ def test_a_mission_starts_where_it_is_said_and_is_reported() -> None:
 
 
 def test_the_mission_is_that_of_plan_over_the_same_regions() -> None:
-    how = ["--altitude", "40", "--home", "auto", "--spacing", "6"]
+    how = ["--altitude", "40", "--home", "auto", "--spacing", "6", "--angle", "30"]
     extracted("tile.tif", *RANGE, "--mission", "one.plan", *how)
     result = CliRunner().invoke(main, ["plan", "tile.regions.geojson", "-o", "two.plan", *how])
     assert result.exit_code == 0, result.output
@@ -429,9 +431,10 @@ EUROPA = (
 )
 
 
-@pytest.fixture
-def odds_and_ends(folder: Path) -> Path:
-    image = picture(FIELDS)
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, image = tmp_path_factory.mktemp("drawn"), picture(FIELDS)
+    write(folder / "tile.tif", image)
     write(folder / "local.tif", image, **NOWHERE)
     write(folder / "elsewhere.tif", image, crs="EPSG:32619")
     write(folder / "coarse.tif", image, transform=Affine(3, 0, 4e5, 0, -3, 5e6))
@@ -442,9 +445,17 @@ def odds_and_ends(folder: Path) -> Path:
     (folder / "empty.tif").touch()
     (folder / "folder.gpkg").mkdir()
     (folder / "none.dir").mkdir()
-    result = CliRunner().invoke(main, ["divide", "tile.tif", "-o", "blocks.tif", "-q"])
+    with chdir(folder):
+        result = CliRunner().invoke(main, ["divide", "tile.tif", "-o", "blocks.tif", "-q"])
     assert result.exit_code == 0, result.output
     return folder
+
+
+@pytest.fixture
+def odds_and_ends(drawn: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """One folder for all refusals, each of which leaves it as it was."""
+    monkeypatch.chdir(drawn)
+    return drawn
 
 
 @pytest.mark.parametrize("case", REFUSALS)
@@ -546,6 +557,7 @@ def test_the_program_writes_regions() -> None:
     assert piped.stdout == Path("tile.regions.geojson").read_text() and piped.stderr == ""
 
 
+@pytest.mark.slow
 def test_the_program_refuses_in_one_sentence() -> None:
     done = program("extract", "missing.tif", *RANGE)
     assert done.returncode == 1 and done.stdout == ""

@@ -127,6 +127,7 @@ def test_starting_brings_in_nothing_heavy(word: str) -> None:
     assert not HEAVY & set(done.stdout.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", COMMANDS)
 def test_help_of_a_command_brings_in_nothing_heavy(command: str) -> None:
     code = (

@@ -86,6 +86,7 @@ def test_the_default_name_and_stdout() -> None:
     assert done(QUARRY, "--width", 0.5, "-q", "-o", "-").stdout_bytes == written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "width", [0.1, *(pytest.param(width, marks=pytest.mark.slow) for width in (0.15, 0.002))]
 )
@@ -180,6 +181,7 @@ def test_a_block_map_merges_as_its_raster_does() -> None:
     assert_geodataframe_equal(one, other)
 
 
+@pytest.mark.slow
 def test_smooth_borders_stay_shared_and_may_be_simplified_then() -> None:
     write("a.tif", scene(6, (200, 150)))
     kept = geopandas.read_file
@@ -271,6 +273,7 @@ def test_a_width_must_be_given() -> None:
     assert run(QUARRY).exit_code == 2
 
 
+@pytest.mark.slow
 def test_both_faces_say_what_google_earth_does_with_many_corners() -> None:
     image = np.full((190, 190), 200, np.uint8)
     image[1:180:2, 1:180:2] = 20  # 8100 holes of a pixel in one segment

@@ -89,6 +89,7 @@ def test_the_default_name_and_stdout() -> None:
     assert done("a.tif", "--like", LIKE, "-q", "-o", "-").stdout_bytes == written
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "crs"),
     [
@@ -173,6 +174,7 @@ def test_the_program_itself_reads_files_of_regions() -> None:
     assert Path("a.plan").exists()
 
 
+@pytest.mark.slow
 def test_nothing_found_is_reported() -> None:
     told = done(write(), "--like", LIKE, "-o", "a.fgb", "--min-area", "1e9").stderr
     assert "nothing is like the sample" in told
@@ -218,6 +220,7 @@ def test_bad_input_is_one_line_and_nothing_written(words: list[str], said: str) 
     assert contents() == before
 
 
+@pytest.mark.slow
 def test_a_raster_without_a_place_takes_a_disc_alone() -> None:
     with pytest.warns(rasterio.errors.NotGeoreferencedWarning):
         write("local.tif", crs=None, transform=Affine.identity())

@@ -151,6 +151,7 @@ def test_a_mission_flies_along_the_path() -> None:
         assert mission.speed_m_s == 3 and (mission.home.lon, mission.home.lat) == pytest.approx(lonlat[0])
 
 
+@pytest.mark.slow
 def test_floats_are_probabilities_as_they_are_and_tiles_and_threads_change_nothing(folder: Path) -> None:
     write(folder / "floats.tif", (rooms() / 255).astype(np.float32))
     texts = set()

@@ -59,6 +59,7 @@ def test_by_default_every_region_is_visited(regions: Path) -> None:
     assert waypoints(flown(regions)) == 3
 
 
+@pytest.mark.slow
 def test_a_spacing_makes_a_survey_and_the_pattern_decides(regions: Path) -> None:
     assert waypoints(flown(regions, "--spacing", 25, "--angle", 90)) == 2 * (6 + 5 + 1)
     survey = ("--pattern", "survey", "--spacing", 25, "--angle")
@@ -179,6 +180,7 @@ def test_a_word_that_is_no_choice_is_a_usage_error(regions: Path) -> None:
     assert run(regions, "-o", "x.plan", *FLY, "--largest", "0").exit_code == 2
 
 
+@pytest.mark.slow
 def test_a_camera_gives_height_spacing_and_photographs(regions: Path) -> None:
     mission = flown(regions, "--camera", "phantom 4 rtk", "--gsd", 2, "--where", "mean < 0.7", altitude=None)
     heights = {item.altitude_m for item in mission.items if item.command == WAYPOINT}
@@ -214,6 +216,7 @@ def test_a_camera_that_cannot_photograph_so_is_refused(
     assert words in str(error(regions, "--home", HOME, *options))
 
 
+@pytest.mark.slow
 def test_footprints_are_a_part_of_json(regions: Path) -> None:
     words = ["--camera", "DJI Mavic 3 Enterprise", "--gsd", "3", "--home", HOME, "--overwrite", "-q"]
     output = regions.with_name("shown.plan")
@@ -231,6 +234,7 @@ def test_footprints_are_a_part_of_json(regions: Path) -> None:
     assert refused.exit_code == 2 and "--footprints are a part of --json" in refused.stderr
 
 
+@pytest.mark.slow
 def test_estimates_are_printed_as_a_table_and_as_json(regions: Path) -> None:
     quad = regions.with_name("quad.json")
     quad.write_text(json.dumps({"hover_w": 200, "cruise_w": 180, "battery_wh": 80}))

@@ -1,6 +1,7 @@
 """`uavseg plan` with what an operator gets wrong: one clear line, exit 1, no file; or it is understood."""
 
 import re
+import shutil
 import warnings
 from pathlib import Path
 
@@ -31,22 +32,32 @@ SHAPES = {
 }
 
 
-@pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Regions, a keep-out zone in the first of them, regions without a CRS, and a DEM with a hole."""
-    monkeypatch.chdir(tmp_path)
+    folder = tmp_path_factory.mktemp("drawn")
     for name, shapes in SHAPES.items():
         frame = geopandas.GeoDataFrame({"id": range(1, len(shapes) + 1)}, geometry=shapes, crs=4326)
-        frame.to_file(f"{name}.geojson")
+        frame.to_file(folder / f"{name}.geojson")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.box(0, 0, 9, 9)]).to_file("nowhere.gpkg")
+        geopandas.GeoDataFrame({"id": [1]}, geometry=[shapely.box(0, 0, 9, 9)]).to_file(
+            folder / "nowhere.gpkg"
+        )
     ground = np.full((200, 200), 100, np.float32)
     ground[90:110, 90:110] = -9999
     how = {"height": 200, "width": 200, "count": 1, "dtype": "float32", "nodata": -9999}
     place = Affine(1e-4, 0, 7.995, 0, -1e-4, 47.01)
-    with rasterio.open("holes.tif", "w", "GTiff", crs="EPSG:4326", transform=place, **how) as file:
+    with rasterio.open(folder / "holes.tif", "w", "GTiff", crs="EPSG:4326", transform=place, **how) as file:
         file.write(ground, 1)
+    return folder
+
+
+@pytest.fixture
+def folder(drawn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A copy of them to work in."""
+    shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
     return tmp_path
 
 
@@ -56,7 +67,7 @@ def plan(*words: object) -> Result:
 
 AT_60 = ["--altitude", "60"]
 FLIGHT = [*AT_60, "--home", "47,8"]
-SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20"]
+SURVEY = ["r.geojson", *FLIGHT, "--spacing", "20", "--angle", "0"]
 
 
 @pytest.mark.parametrize(
@@ -159,6 +170,7 @@ def test_only_numbers_after_home_are_joined() -> None:
     assert joined_home(["--home"]) == ["--home"]
 
 
+@pytest.mark.slow
 def test_a_region_smaller_than_the_spacing_is_flown_over_and_photographed(folder: Path) -> None:
     for how in (["--spacing", "40"], CAMERA):
         assert plan("tiny.geojson", *FLIGHT, *how, "--overwrite").exit_code == 0

@@ -42,6 +42,7 @@ def run(folder: Path, *options: object, base: Any = BASE, output: str = "fly.pla
     return CliRunner().invoke(command, [str(word) for word in words])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "frame"),
     [
@@ -92,6 +93,7 @@ def test_a_ground_station_reads_the_heights(folder: Path) -> None:
     assert read == [(item.frame, pytest.approx(item.altitude_m, abs=1e-3)) for item in mission.items]
 
 
+@pytest.mark.slow
 def test_triggers_are_those_without_a_model(folder: Path) -> None:
     def triggers(*options: object) -> list[Any]:
         assert run(folder, "--camera", "phantom 4 rtk", "--angle", 0, *options).exception is None
@@ -196,6 +198,7 @@ def test_regions_of_an_image_are_flown_above_the_ground(folder: Path) -> None:
     assert FRAME_AMSL in frames
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not DATA.exists(), reason="the shared elevation model is not on this machine")
 def test_a_real_surface_model_is_followed(folder: Path) -> None:
     field = shapely.box(-77.0545, 38.8093, -77.0508, 38.8125)

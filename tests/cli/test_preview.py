@@ -68,6 +68,7 @@ def test_what_is_wrong_is_raised_for_the_group_to_say(raster: Path) -> None:
     assert not Path("a.preview.png").exists()
 
 
+@pytest.mark.slow
 def test_a_simulated_map_with_everything_that_is_made_of_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,6 +110,7 @@ def test_layers_that_are_not_what_they_should_be_are_reported_in_one_line(raster
         assert not Path("a.preview.png").exists()
 
 
+@pytest.mark.slow
 def test_missions_are_drawn_without_a_raster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     flight = a_mission([(-76.5, 44.2), (-76.499, 44.2), (-76.499, 44.201)])

@@ -87,7 +87,7 @@ tell = Reporter.progress
 def tell_slowly(self, done, total):
     tell(self, done, total)
     if 100 * done // total >= {percent}:
-        time.sleep(0.05)
+        time.sleep(0.3)
 Reporter.progress = tell_slowly
 main(prog_name="uavseg")
 """  # from some progress on, so that a signal meets the program at work

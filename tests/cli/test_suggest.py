@@ -66,6 +66,7 @@ def test_people_read_a_table_and_the_line_to_type_next() -> None:
     assert all(line.startswith("    uavseg extract a.tif --range 0") for line in lines[2::2])
 
 
+@pytest.mark.slow
 def test_the_lines_run_and_give_what_was_said() -> None:
     write("a b.tif", fields(2, kind="uint16"), nodata=None)
     how = ("--stretch", "0,255", "--nodata", 7, "--method", "paper", "--threshold", 1.5, "--band", 1)
@@ -141,6 +142,7 @@ def test_many_rasters_are_one_mosaic() -> None:
     assert "0.tif 1.tif 2.tif --range" in str(metadata(*parts[:3])[0]["command"])
 
 
+@pytest.mark.slow
 def test_a_run_goes_on_where_it_stopped() -> None:
     how = ("suggest", write("a.tif", fields(6)), "--tile", 64, "--resume", "kept")
     wanted = done(*how).stdout
@@ -153,6 +155,7 @@ def test_more_is_said_to_those_who_ask() -> None:
     assert "of the variance of the means lies between the ranges" in told and "progress 100" in told
 
 
+@pytest.mark.slow
 def test_one_class_is_an_answer() -> None:
     result = done("suggest", write("a.tif", np.full((70, 80), 51, np.uint8)), "-o", "look.png")
     assert result.stdout == "one class: there is no range to choose\n"
@@ -230,6 +233,7 @@ def test_a_sample_is_answered_with_lines_that_find_its_kind() -> None:
         assert share == pytest.approx(90 / 192, abs=0.03)
 
 
+@pytest.mark.slow
 def test_the_answer_to_a_sample_as_json() -> None:
     answer = json.loads(done("suggest", two_kinds("a.tif"), *LIKE, "--json").stdout)
     assert answer["source"] == "a.tif" and answer["warnings"] == []

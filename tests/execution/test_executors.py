@@ -209,6 +209,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(executors._c_library() is None, reason="only glibc has these parameters")
 def test_a_heap_that_is_kept_has_its_pages_mapped_once() -> None:
     faults = {

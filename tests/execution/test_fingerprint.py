@@ -98,6 +98,7 @@ def test_values_without_content_are_refused(value: Any) -> None:
         fingerprint(value)
 
 
+@pytest.mark.slow
 def test_every_process_finds_the_same_hash() -> None:
     program = (
         "from uavseg.execution.checkpoint import fingerprint\n"

@@ -135,6 +135,7 @@ print(json.dumps(answers))
     assert answers == [False]
 
 
+@pytest.mark.slow
 def test_copies_read_and_write_after_gdal_had_threads(tmp_path: Path) -> None:
     # a copy has none of the threads that GDAL keeps, and would wait for them for ever
     shapes = answer(

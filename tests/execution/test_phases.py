@@ -24,13 +24,16 @@ PLAN = ("plan", "r.geojson", "--pattern", "perimeter", "--altitude", "50", "--ho
 
 
 def test_times_leave_out_compiling(caplog: pytest.LogCaptureFixture) -> None:
+    begun = time.perf_counter()
     before, reporter = messages.compiling_seconds(), Reporter(VerbosityOptions(quiet=True))
     with caplog.at_level(logging.INFO, "uavseg"), phase("slow"), messages.timing_compilation():
         time.sleep(0.25)
-    assert messages.compiling_seconds() - before >= 0.25
-    assert reporter.seconds < 0.25
+    compiled_s, reported_s = messages.compiling_seconds() - before, reporter.seconds
+    rest_s = time.perf_counter() - begun - compiled_s  # of this test, which a busy machine may stop for long
+    assert compiled_s >= 0.25 and reported_s <= rest_s
     [text] = [record.getMessage() for record in caplog.records]
-    assert re.fullmatch(r"phase slow: 0\.[01]\d s", text)
+    [seconds] = re.fullmatch(r"phase slow: (\d+\.\d\d) s", text).groups()
+    assert float(seconds) <= rest_s + 0.005
 
 
 def test_the_clock_goes_on() -> None:
@@ -39,6 +42,7 @@ def test_the_clock_goes_on() -> None:
     assert working_seconds() - first >= 0.009
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "facts"),
     [
@@ -102,6 +106,7 @@ def _make_inputs(words: tuple[str, ...]) -> None:
         assert CliRunner().invoke(main, [*PLAN, "-o", "a.plan"]).exit_code == 0
 
 
+@pytest.mark.slow
 def test_python_logs_the_same(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO, "uavseg"):
         uavseg.extract(QUARRY, (0.511, 1), threads=1)

@@ -49,7 +49,9 @@ def planned(
 def flights(
     polygons: Sequence[Any], home: tuple[float, ...] = HOME, zones: Sequence[Any] = (), **params: Any
 ) -> tuple[Mission, ...]:
-    flown = PlanParams(**{"altitude_m": 60} | params)
+    """Flights over regions; survey lines run north unless another azimuth is given (None: the best one)."""
+    north = {"angle_deg": 0.0} if params.get("pattern") == "survey" else {}
+    flown = PlanParams(**{"altitude_m": 60} | north | params)
     return plan_missions(polygons, inside(polygons), flown, home, zones)
 
 

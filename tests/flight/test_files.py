@@ -77,6 +77,7 @@ def written(mission: Mission, folder: Path, suffix: str) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".plan", ".waypoints"])
 @given(mission=missions)
 @settings(max_examples=40)

@@ -42,6 +42,7 @@ def test_a_height_in_whole_metres_takes_as_long_as_one_with_decimals() -> None:
     assert np.array_equal(whole.of(track)[0], exact.of(track)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "autopilot"),
     [

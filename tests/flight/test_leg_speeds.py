@@ -119,8 +119,10 @@ def test_ways_are_fast_and_lines_slow(autopilot: str) -> None:
     assert mission.duration_s < 0.8 * slow.duration_s
 
 
+@pytest.mark.slow
 def test_one_short_line_does_not_slow_down_the_others() -> None:
     regions = [box(100, 100, 200, 90), box(600, 100, 40, 9)]
-    mission = planned(regions, altitude_m=50, pattern="survey", spacing_m=20.0, photos=PHOTOS, speed_m_s=5.0)
+    survey = {"pattern": "survey", "spacing_m": 20.0, "photos": PHOTOS, "angle_deg": None}
+    mission = planned(regions, altitude_m=50, speed_m_s=5.0, **survey)
     lines, _ = lines_and_ways(mission)
     assert min(lines) < 0.9 * max(lines)

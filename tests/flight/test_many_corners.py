@@ -46,6 +46,7 @@ def test_a_perimeter_lies_at_the_offset_within_the_tolerance(offset: float) -> N
         assert np.abs(distance - abs(offset)).max() <= tolerance + 0.06
 
 
+@pytest.mark.slow
 def test_home_lies_outside_of_all_regions_with_the_usual_distance() -> None:
     regions = [degrees(polygon) for polygon in pixel_region(400, 5)]
     lat, lon = home_outside(regions, inside(regions))
@@ -54,6 +55,7 @@ def test_home_lies_outside_of_all_regions_with_the_usual_distance() -> None:
     assert CLEARANCE_M - 0.1 <= distance <= 1.2 * CLEARANCE_M
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("margin", [0.0, 10.0])
 def test_no_leg_comes_nearer_to_a_zone_than_the_margin(margin: float) -> None:
     zones = [shapely.affinity.translate(polygon, 100, -80) for polygon in pixel_region(320, 6)]
@@ -72,6 +74,7 @@ def test_no_leg_comes_nearer_to_a_zone_than_the_margin(margin: float) -> None:
     assert legs.length < 2 * straight  # around the zones, not far away from them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("margin", [0.0, 10.0])
 def test_grown_zones_hold_the_zones_with_their_margin(margin: float) -> None:
     zones = pixel_region(320, 6)
@@ -80,6 +83,7 @@ def test_grown_zones_hold_the_zones_with_their_margin(margin: float) -> None:
     assert shapely.distance(grown.boundary, whole) >= margin
 
 
+@pytest.mark.slow
 def test_what_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(MissionError, match="more than 2000 corners at a spacing of 1 m"):
         corridor(largest(400, 7), 1.0)

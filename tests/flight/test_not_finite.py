@@ -6,9 +6,11 @@ import io
 import json
 import math
 import re
+import shutil
 import warnings
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -129,13 +131,20 @@ FIXED = {
 }
 
 
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    with chdir(tmp_path_factory.mktemp("drawn")):
+        Path("regions.geojson").write_text(json.dumps(regions()))
+        Path("small.plan").write_bytes(FORMATS[".plan"].write(small("px4"), FileOptions()))
+        draw_photograph("a.jpg", PHOTO)
+        write_dem(np.full((200, 200), 400.0))
+        return Path.cwd()
+
+
 @pytest.fixture(autouse=True)
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def folder(drawn: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    shutil.copytree(drawn, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
-    Path("regions.geojson").write_text(json.dumps(regions()))
-    Path("small.plan").write_bytes(FORMATS[".plan"].write(small("px4"), FileOptions()))
-    draw_photograph("a.jpg", PHOTO)
-    write_dem(np.full((200, 200), 400.0))
     return tmp_path
 
 
@@ -355,6 +364,7 @@ OBJECTS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "key"), [(kind, key) for kind, one in OBJECTS.items() for key in one])
 def test_a_camera_and_a_vehicle_of_a_file_refuse_them(kind: str, key: str) -> None:
     plan: dict[str, Any] = {"home": (47, 8, 400), "altitude": 60, kind: "it.json"}

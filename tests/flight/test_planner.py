@@ -42,6 +42,7 @@ def test_a_mission_takes_off_at_home_sets_its_speed_and_returns(
     assert (mission.home.lat, mission.home.lon, mission.home.altitude_m) == HOME
 
 
+@pytest.mark.slow
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(0, 180), st.floats(8, 60))
 @settings(max_examples=25)
 def test_survey_lines_are_evenly_apart_on_the_ground_by_a_spacing_at_most(
@@ -112,6 +113,7 @@ def test_a_survey_with_too_many_items_is_refused() -> None:
         planned([box(0, 0, 9000, 9000)], pattern="survey", spacing_m=0.2)
 
 
+@pytest.mark.slow
 def test_a_region_that_touches_itself_is_flown() -> None:
     pinched = shapely.Polygon([(0, 0), (60, 0), (30, 30), (60, 60), (0, 60), (30, 30)])
     assert not pinched.is_valid

@@ -87,7 +87,7 @@ def survey(request: pytest.FixtureRequest, ground: Path) -> Mission:
     name = request.param
     if name not in _PLANNED:
         how = SURVEYS[name] | ({"dem": str(ground)} if "dem" in SURVEYS[name] else {})
-        camera = {"camera": "mavic 3 enterprise", "gsd": 1.5}
+        camera = {"camera": "mavic 3 enterprise", "gsd": 1.5, "angle": 0}
         corners = np.array(L_SHAPE) * (1.5 if "interval" in name else 1)
         planned = uavseg.plan(area(8.0, 47.0, corners), home=(46.9997, 8.0005, 400), **camera, **how)
         _PLANNED[name] = replace(planned.missions[0], ground=None)
@@ -157,6 +157,7 @@ def check_cuts(survey: Mission, legs: Any) -> None:
         check_rest(survey, number + share, leg, share)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("survey", SURVEYS, indirect=True)
 def test_all_is_photographed_and_one_photograph_at_most_twice(survey: Mission) -> None:
     check_cuts(survey, Random(2).sample(range(len(stops_of(survey))), 6))
@@ -285,6 +286,7 @@ def test_no_way_within_the_fence_is_refused() -> None:
 # Places
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", [(47.0, 8.0), (-33.9, 18.4), (0.0, 179.9995), (64.1, -180.0)])
 def test_a_place_on_the_path_is_the_share_of_its_leg(place: tuple[float, float]) -> None:
     lat, lon = place

@@ -3,6 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -27,6 +28,7 @@ AUTO, RTL = 3, 6
 PLACES = [(47.0, 8.0), (-33.9, 179.9995)]
 
 
+@cache
 def planned(autopilot: str, place: tuple[float, float] = PLACES[0]) -> Mission:
     lat, lon = place
     with warnings.catch_warnings():
@@ -36,6 +38,7 @@ def planned(autopilot: str, place: tuple[float, float] = PLACES[0]) -> Mission:
             home=(lat - 3e-4, lon, 400),
             camera="mavic 3 enterprise",
             gsd=1.5,
+            angle=0,
             autopilot=autopilot,
         ).missions[0]
 
@@ -104,6 +107,7 @@ WRITERS: dict[str, tuple[str, Callable[[Mission, int], bytes]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_flight_goes_on_at_the_last_photograph_of_the_log(
@@ -125,6 +129,7 @@ def test_the_flight_goes_on_at_the_last_photograph_of_the_log(
         uavseg.resume(mission, start=tmp_path / name)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_without_photographs_it_is_the_last_place_in_the_mission(autopilot: str, tmp_path: Path) -> None:
     pytest.importorskip("pyulog")
@@ -144,6 +149,7 @@ def test_without_photographs_it_is_the_last_place_in_the_mission(autopilot: str,
     assert uavseg.resume(mission, start=log).missions == uavseg.resume(mission, start=number).missions
 
 
+@pytest.mark.slow
 def test_each_arming_begins_another_flight(tmp_path: Path) -> None:
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
     log.write_bytes(dataflash([*ardupilot(mission, 30), *ardupilot(mission, 8)]))
@@ -152,6 +158,7 @@ def test_each_arming_begins_another_flight(tmp_path: Path) -> None:
     assert end_of_log(log) == end_of_log(alone)
 
 
+@pytest.mark.slow
 def test_a_plane_flies_missions_in_another_mode(tmp_path: Path) -> None:
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
     events = [
@@ -165,6 +172,7 @@ def test_a_plane_flies_missions_in_another_mode(tmp_path: Path) -> None:
     assert end_of_log(log).is_photo
 
 
+@pytest.mark.slow
 def test_logs_of_other_missions_and_of_finished_ones_are_refused(tmp_path: Path) -> None:
     pytest.importorskip("pyulog")
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
@@ -187,6 +195,7 @@ def test_logs_of_other_missions_and_of_finished_ones_are_refused(tmp_path: Path)
         uavseg.resume(planned("px4"), start=log)
 
 
+@pytest.mark.slow
 def test_a_log_without_items_finds_its_place_on_the_path(tmp_path: Path) -> None:
     mission, log = planned("ardupilot"), tmp_path / "a.bin"
     events = [one for one in ardupilot(mission, 20) if one[0] != "MISE"]

@@ -1,6 +1,7 @@
 """Short legs between lines: left out where the way past them is free, else the line ends earlier."""
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, strategies as st
 
@@ -50,6 +51,7 @@ def test_corners_of_lines_and_places_with_a_photograph_stay() -> None:
     assert (without_short_legs(stop, OPEN).xy == stop.xy).all()
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.floats(-80, 180), st.floats(-80, 80)), min_size=4, max_size=8),
     st.lists(st.tuples(st.floats(-0.6, 0.6), st.floats(-0.6, 0.6)), min_size=8, max_size=8),

@@ -60,6 +60,7 @@ def fewest_by_trying(points: np.ndarray, most: float) -> tuple[int, float]:
     return min(pair for pair in fits if pair[1] <= most)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 8))
 @settings(max_examples=60)
 def test_flights_are_the_fewest_and_of_like_length(seed: int, count: int) -> None:
@@ -79,6 +80,7 @@ def test_flights_are_the_fewest_and_of_like_length(seed: int, count: int) -> Non
         assert longest <= least * 1.021
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(3, 6))
 @settings(max_examples=25)
 def test_no_order_needs_fewer_flights(seed: int, count: int) -> None:
@@ -92,6 +94,7 @@ def test_no_order_needs_fewer_flights(seed: int, count: int) -> None:
     assert len(found) == fewest
 
 
+@pytest.mark.slow
 def test_as_many_flights_as_requested_are_of_like_length() -> None:
     points = np.column_stack([np.arange(1.0, 31.0), np.zeros(30)])
     for count in (1, 2, 3, 7, 30):
@@ -130,6 +133,7 @@ def test_what_fits_into_no_flight_is_refused() -> None:
         split_route(far, limits(1200))
 
 
+@pytest.mark.slow
 def test_a_mission_is_divided_by_endurance_and_by_items() -> None:
     regions = [box(200 * k, 150, 150, 150) for k in range(4)]
     survey = {"pattern": "survey", "spacing_m": 15.0}
@@ -157,6 +161,7 @@ def test_limits_that_cannot_be_are_refused(wrong: dict[str, float]) -> None:
         LimitParams(**wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_vehicles_in_the_air_at_once_are_apart_in_height_and_take_as_long() -> None:
     regions = [box(200 * k, 150, 150, 150) for k in range(4)]
     survey = {"pattern": "survey", "spacing_m": 15.0}
@@ -180,6 +185,7 @@ def test_vehicles_in_the_air_at_once_are_apart_in_height_and_take_as_long() -> N
         LimitParams(flights=2, vehicles=2)
 
 
+@pytest.mark.slow
 def test_flights_have_no_more_waypoints_than_their_program_flies() -> None:
     regions = [box(200 * k, 150, 150, 150) for k in range(4)]
     survey = {"pattern": "survey", "spacing_m": 10.0}

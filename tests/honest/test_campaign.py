@@ -36,6 +36,7 @@ def break_off(regions: Any) -> Any:
     raise IndexError("list index out of range")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "kind"),
     [
@@ -83,6 +84,7 @@ def test_a_case_is_always_the_same(tmp_path: Path, kind: str) -> None:
     assert made[0] == made[1]
 
 
+@pytest.mark.slow
 def test_every_form_of_an_array_is_another_answer_or_the_same_array() -> None:
     values = np.arange(40 * 30, dtype=np.uint8).reshape(1, 40, 30)
     with picture.quiet():

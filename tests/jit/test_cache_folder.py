@@ -28,6 +28,7 @@ def homeless(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "temporary"
 
 
+@pytest.mark.slow
 @posix
 def test_where_the_user_s_folder_cannot_be_written_a_private_one_serves(
     engine: str, homeless: Path, compiled: list[str], tmp_path: Path, twice: Callable[..., int]

@@ -92,6 +92,7 @@ def test_a_folder_in_the_place_of_an_object_file_stops_no_work(
     assert list(cache.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_every_changed_byte_and_every_length_is_noticed(tmp_path: Path) -> None:
     content = b"name\n" + bytes(range(256)) + b"\n\n" + bytes(64)
     object_cache.store(tmp_path, "kernel-1", content)

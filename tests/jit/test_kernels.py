@@ -139,6 +139,7 @@ def test_numbers_are_converted_alike(engine: str, cache: Path, module_of: Load) 
             call()
 
 
+@pytest.mark.slow
 def test_the_same_kernel_is_not_compiled_again(
     engine: str, cache: Path, compiled: list[str], module_of: Load
 ) -> None:

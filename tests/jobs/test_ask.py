@@ -58,6 +58,7 @@ def is_left_of(col: float) -> Callable[[Disc], bool]:
     return lambda disc: disc.x < 1000 + col
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("border", [88, pytest.param(176, marks=pytest.mark.slow)])
 def test_true_answers_find_what_is_meant_and_end(tile: Path, border: int) -> None:
     """Whether the second field is of the kind of the first is open: the answers say it."""
@@ -78,6 +79,7 @@ def test_kinds_that_are_sure_are_soon_asked_about(tmp_path: Path) -> None:
     assert overlap(painted(match(open_raster(str(path)), request)), truth() == 1) > 0.95
 
 
+@pytest.mark.slow
 def test_answers_become_samples_in_their_order(tile: Path) -> None:
     ask = Answers(is_left_of(88), 2)
     request = request_of(tile, ask)
@@ -87,6 +89,7 @@ def test_answers_become_samples_in_their_order(tile: Path) -> None:
     assert request_of(tile, lambda disc: None) == MatchRequest((LEFT,), by="color")
 
 
+@pytest.mark.slow
 def test_what_is_skipped_is_no_sample_and_not_asked_about_again(tile: Path) -> None:
     ask = Answers(lambda disc: "skip")
     assert request_of(tile, ask) == MatchRequest((LEFT,), by="color")
@@ -195,6 +198,7 @@ def run(path: Path, target: Path, answers: str, *more: str) -> Result:
     return CliRunner().invoke(main, line, input=answers)
 
 
+@pytest.mark.slow
 def test_the_line_at_the_end_gives_the_same_bytes(tile: Path, tmp_path: Path) -> None:
     target = tmp_path / "a.geojson"
     said = run(tile, target, "what\nNo\nyes\nq\n")
@@ -218,6 +222,7 @@ def test_the_line_at_the_end_gives_the_same_bytes(tile: Path, tmp_path: Path) ->
     assert len(facts["like"]) == 2
 
 
+@pytest.mark.slow
 def test_each_question_says_where_and_draws_it(tile: Path, tmp_path: Path) -> None:
     target = tmp_path / "a.gpkg"
     said = run(tile, target, "")
@@ -255,6 +260,7 @@ def test_nothing_is_overwritten(tile: Path, tmp_path: Path, name: str) -> None:
     assert (tmp_path / name).read_bytes() == b"mine"
 
 
+@pytest.mark.slow
 def test_a_raster_without_a_place_on_the_globe_has_no_latitude(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -103,6 +103,7 @@ def plain(values: Image, weights: Image) -> list[float]:
     return [float(mean), float(std), float(values.min()), float(values.max())]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_they_are_those_of_the_pixels_of_the_label(kind: str, tmp_path: Path) -> None:
     path, values, names = KINDS[kind](tmp_path)
@@ -139,6 +140,7 @@ def test_rasterio_masks_the_same_pixels(tmp_path: Path) -> None:
     assert columns(frame, names) == pytest.approx(np.array(wanted, float), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "drawn", [{"simplify": 5}, {"smooth_outline": 1}, {"smooth_outline": 1, "simplify": 3}]
 )
@@ -156,6 +158,7 @@ def test_a_pixel_counts_by_the_part_of_it_in_the_region(drawn: dict[str, Any], t
     )  # exactextract has float32 parts
 
 
+@pytest.mark.slow
 def test_outlines_along_the_edges_of_windows_are_cut_exactly(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

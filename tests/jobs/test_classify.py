@@ -75,6 +75,7 @@ def test_tiles_and_threads_change_nothing(seed: int, tile: int, many: bool, requ
     assert one.frame().to_wkb().equals(other.frame().to_wkb())
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10**6))
 def test_objects_are_the_occupied_cells(seed: int) -> None:
@@ -101,6 +102,7 @@ def test_boxes_of_a_turned_map_hold_their_objects() -> None:
     assert boxes == pytest.approx(objects.bounds.to_numpy())
 
 
+@pytest.mark.slow
 def test_a_turned_map_need_not_have_turned_states() -> None:
     """Rows are scanned before columns, so this is no law."""
     different = 0
@@ -181,6 +183,7 @@ def test_a_trinary_map_keeps_the_state_of_every_cell(seed: int) -> None:
     assert not found.warnings
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 0.02, 0.05]))
 def test_a_map_of_probabilities_loses_no_obstacle_of_three_cells(seed: int, sigma: float) -> None:

@@ -175,6 +175,7 @@ def test_regions_are_those_of_a_file_that_rasterio_cut_out(
     assert made["bounds"] == list(bounds)
 
 
+@pytest.mark.slow
 def test_an_area_is_as_nodata_beyond_it(tmp_path: Path) -> None:
     """A raster whose file has nodata there, at the same place, gives the same regions, pictures and sums."""
     image = picture()
@@ -223,6 +224,7 @@ def test_a_mosaic_is_cut_as_one_raster(tmp_path: Path) -> None:
         assert abs(differences).max() <= 9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bounds", "aoi"])
 def test_a_block_map_answers_for_its_part(kind: str, tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", picture())
@@ -248,6 +250,7 @@ def test_a_block_map_answers_for_its_part(kind: str, tmp_path: Path) -> None:
         assert done.exit_code == 1 and "--allow-path" in done.output, done.output
 
 
+@pytest.mark.slow
 def test_every_command_that_reads_rasters_takes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     raster = write(tmp_path / "a.tif", picture())
     bounds = f"{5e5 + 10},{5e6 - 80},{5e5 + 100},{5e6 - 9}"
@@ -334,6 +337,7 @@ def test_an_area_is_not_replaced(tmp_path: Path) -> None:
     assert Path(area).read_bytes() == before
 
 
+@pytest.mark.slow
 def test_a_resumed_run_is_of_the_same_part(tmp_path: Path) -> None:
     raster, done = write(tmp_path / "a.tif", picture()), str(tmp_path / "done")
     for k, bounds in enumerate(((5e5, 5e6 - 99, 5e5 + 90, 5e6), (5e5, 5e6 - 90, 5e5 + 90, 5e6))):

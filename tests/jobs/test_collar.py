@@ -99,6 +99,7 @@ def test_a_block_map_remembers_how_its_raster_was_read(
     assert same(of_map, extract(open_source(path, options), DARK))
 
 
+@pytest.mark.slow
 def test_a_checkpoint_of_the_other_word_is_not_taken(path: str, tmp_path: Path) -> None:
     kept = Work(checkpoint=tmp_path / "kept")
     for options in (ReadOptions(), KEEP, ReadOptions()):

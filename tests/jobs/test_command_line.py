@@ -70,6 +70,7 @@ def test_many_names_become_a_pattern_that_stands_for_just_them(tmp_path: Path, c
         assert source_words([*names, "other.tif"]) == [*names, "other.tif"]
 
 
+@pytest.mark.slow
 def test_the_line_of_info_runs(tmp_path: Path) -> None:
     from uavseg.cli import main
 

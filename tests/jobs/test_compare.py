@@ -47,6 +47,7 @@ def painted(found: Comparison, geobox: GeoBox, kind: str) -> np.ndarray:
     return rasterio.features.geometry_mask(shapes, geobox.shape, geobox.transform, invert=True)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 9999), st.integers(0, 9999))
 @settings(max_examples=12, deadline=None)
 def test_gained_minus_lost_is_the_difference_on_common_ground(one: int, other: int) -> None:

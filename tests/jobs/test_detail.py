@@ -122,6 +122,7 @@ def test_a_range_that_nothing_wide_is_in_says_so() -> None:
         assert len(uavseg.extract(image, ALL, detail="8px")) == 0
 
 
+@pytest.mark.slow
 def test_a_block_map_is_refined_with_a_detail_or_refuses(tmp_path: Path) -> None:
     path, blocks = tmp_path / "a.tif", tmp_path / "blocks.tif"
     profile = {"driver": "GTiff", "height": 170, "width": 200, "count": 1, "dtype": "uint8"}

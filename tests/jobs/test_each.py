@@ -78,6 +78,7 @@ def test_each_is_as_if_it_had_been_alone(suffix: str, count: int) -> None:
     assert content("out") == content("alone") and len(content("out")) == 26
 
 
+@pytest.mark.slow
 def test_what_fails_does_not_stop_the_others() -> None:
     Path("tiles/03.tif").write_bytes(b"no raster")
     Path("tiles/07.tif").write_bytes(Path("tiles/07.tif").read_bytes()[:3000])
@@ -100,6 +101,7 @@ def test_what_fails_does_not_stop_the_others() -> None:
     )
 
 
+@pytest.mark.slow
 def test_sources_of_many_tiles_have_them_side_by_side_after_the_others() -> None:
     here = os.getpid()
 

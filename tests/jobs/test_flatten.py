@@ -59,6 +59,7 @@ def run(*words: str) -> str:
     return done.output
 
 
+@pytest.mark.slow
 def test_things_under_slow_light_are_found() -> None:
     image, dark = lit()
 
@@ -93,6 +94,7 @@ def test_classes_and_levels_are_of_v_without_the_light(name: str) -> None:
     assert (mask & dark).sum() / (mask | dark).sum() > 0.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", [pytest.param(None, marks=pytest.mark.slow), "none"])
 def test_a_block_map_keeps_the_light_that_was_taken_away(tmp_path: Path, refine: str | None) -> None:
     raster, blocks = write(tmp_path / "a.tif", lit()[0]), str(tmp_path / "b.tif")

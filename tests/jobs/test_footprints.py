@@ -88,6 +88,7 @@ def test_footprints_lie_where_the_pixels_were_drawn_from(pose: str, maker: str) 
     assert shapely.Point(frame.lon[0], frame.lat[0]).within(frame.geometry[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", POSES)
 def test_footprints_over_hills_lie_where_a_march_along_the_rays_ends(pose: str) -> None:
     dem = write_dem(Path("dem.tif"), hills)

@@ -62,6 +62,7 @@ def run(*words: Any) -> Result:
     return CliRunner().invoke(main, ["georeference", *map(str, words)])
 
 
+@pytest.mark.slow
 def test_a_map_says_where_and_how_well_it_lies() -> None:
     result = run("photos", "-o", "map.tif", "--overwrite")
     assert result.exit_code == 0, result.stderr
@@ -81,6 +82,7 @@ def test_a_map_says_where_and_how_well_it_lies() -> None:
     assert not bands[0][bands[1] == 0].any()
 
 
+@pytest.mark.slow
 def test_a_level_elevation_model_is_flat_ground() -> None:
     assert run("photos", "-o", "flat.tif", "--overwrite").exit_code == 0
     result = run("photos", "-o", "level.tif", "--dem", "dem.tif", "--overwrite")
@@ -97,6 +99,7 @@ def test_a_level_elevation_model_is_flat_ground() -> None:
     assert np.abs(ours[0][both].astype(int) - theirs[0][both]).max() <= 1
 
 
+@pytest.mark.slow
 def test_the_order_of_files_changes_nothing() -> None:
     for name, files in (("one.tif", NAMES), ("other.tif", NAMES[::-1])):
         assert run(*(f"photos/{file}" for file in files), "-o", name, "--overwrite").exit_code == 0
@@ -108,6 +111,7 @@ def mapped(output: str) -> Any:
         return uavseg.georeference("photos", output, overwrite=True)
 
 
+@pytest.mark.slow
 def test_regions_of_the_map_are_those_of_the_scene() -> None:
     found = mapped("regions.tif")
     assert found.error_m < found.edge_error_m and found.photographs == NAMES
@@ -129,6 +133,7 @@ def test_regions_of_the_map_are_those_of_the_scene() -> None:
     assert not ((one ^ other) & ~beside).any()
 
 
+@pytest.mark.slow
 def test_match_takes_the_map() -> None:
     mapped("sample.tif")
     x, y = Transformer.from_crs(4326, 32632, always_xy=True).transform(PLACE[1], PLACE[0])

@@ -11,6 +11,7 @@ from uavseg.segmentation.range_choice import propose_ranges
 greys = st.sampled_from([0, 1, 2, 65534, 65535]) | st.integers(0, 65535)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.dictionaries(greys, st.integers(1, 9), min_size=1, max_size=9), st.integers(2, 9))
 def test_quantiles_part_any_histogram_at_numbers_between_its_values(

@@ -62,6 +62,7 @@ def run(*words: object) -> Result:
 triangles = st.lists(st.tuples(st.floats(3, 20), st.floats(0, 13)), min_size=3, max_size=3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("yaw", [0.0, 0.4])
 @given(corners=triangles)
 @settings(max_examples=15)

@@ -193,6 +193,7 @@ def test_a_raster_of_one_texture_is_like_its_sample_everywhere(name: str) -> Non
     assert columns["similarity"][0] == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pair", [("meadow", "forest"), ("rows", "meadow")], ids=" in ".join)
 def test_less_similarity_finds_all_of_it_and_more(pair: tuple[str, str]) -> None:
     image, _ = scene(*pair, 4)
@@ -202,6 +203,7 @@ def test_less_similarity_finds_all_of_it_and_more(pair: tuple[str, str]) -> None
     assert masks[-1].sum() > masks[0].sum()
 
 
+@pytest.mark.slow
 def test_more_deviations_find_all_of_it_and_more() -> None:
     image, _ = scene("sand", "sand", 5)
     image[:, 160:] = np.clip(image[:, 160:] * 0.9 + 30, 0, 255)
@@ -287,6 +289,7 @@ def test_the_window_is_the_largest_usual_one_that_fits(radius: float, window: in
     assert made.texture is not None and made.texture.window == window
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(x=st.floats(100, 120), y=st.floats(100, 120), window=st.sampled_from([16, 32, 64]))
 def test_a_disc_as_large_as_the_message_says_is_enough(x: float, y: float, window: int) -> None:
@@ -319,6 +322,7 @@ def test_parameters_check_themselves(wrong: dict[str, object], said: str) -> Non
         MatchRequest(INSIDE, **wrong)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_from_python() -> None:
     image, truth = scene("rows", "sand", 10)
     frame = uavseg.match(image, like=(110, 110, 50))

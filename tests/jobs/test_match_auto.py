@@ -103,6 +103,7 @@ def test_a_sample_too_small_for_texture_is_compared_by_color_and_a_warning_says_
     assert regions.attrs["uavseg"]["by"] == "color"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("radius", "compared"), [(16, "texture"), pytest.param(24, "texture", marks=pytest.mark.slow)]
 )

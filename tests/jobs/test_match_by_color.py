@@ -68,6 +68,7 @@ def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
     return float((one & other).sum() / (one | other).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixel", pytest.param("none", marks=pytest.mark.slow)])
 def test_one_small_disc_finds_all_of_its_kind(tile: Path, refine: str) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color", refine=refine))
@@ -92,6 +93,7 @@ def test_a_kind_that_is_half_of_the_raster_is_found(tile: Path) -> None:
     assert overlap(painted(made), truth() == 0) > 0.97
 
 
+@pytest.mark.slow
 def test_a_kind_that_is_rare_is_found(tmp_path: Path) -> None:
     """One pixel in 170, of a color between those of the others."""
     row, col = np.indices(SHAPE)
@@ -140,6 +142,7 @@ def in_the_light(path: Path, least: float) -> tuple[Path, NDArray[np.bool_], Dis
 FLAT = ReadOptions(flatten="90px")
 
 
+@pytest.mark.slow
 def test_without_slow_light_a_kind_is_found_from_end_to_end(tmp_path: Path) -> None:
     path, wanted, disc = in_the_light(tmp_path / "light.tif", 0.4)
     dark, flat = (
@@ -173,6 +176,7 @@ def test_slow_light_of_many_bands_is_refused(tmp_path: Path) -> None:
         match(open_all_bands([str(path)], FLAT), MatchRequest(DISC))
 
 
+@pytest.mark.slow
 def test_attributes_are_of_the_intensity_and_the_similarity_of_the_colors(tile: Path) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color"))
     luminance = np.tensordot([0.2126, 0.7152, 0.0722], picture().astype(float), 1) / 255
@@ -213,6 +217,7 @@ def test_texture_is_compared_where_one_of_its_options_is_given(tile: Path) -> No
         replace(MatchRequest(large), by="shape")
 
 
+@pytest.mark.slow
 def test_where_color_says_little_a_warning_says_so(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).normal(100, 12, (1, *SHAPE)).astype(np.uint8)
     path = write(tmp_path / "noise.tif", noise)
@@ -234,6 +239,7 @@ def test_a_sample_of_few_pixels_is_refused(tile: Path) -> None:
         match(open_raster(str(tile)), MatchRequest(Disc(1070, 940, 3), by="color"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "least"),
     [
@@ -283,6 +289,7 @@ def answered(path: Path, answer: int, **words: Any) -> Match:
     return match(open_raster(str(path)), MatchRequest(Disc(x, y, 8), answer=answer, **words))
 
 
+@pytest.mark.slow
 def test_what_touches_the_sample_are_the_finer_regions_with_its_pixels(slope: Path) -> None:
     finer, touching = answered(slope, 3), answered(slope, 2)
     regions, _ = ndimage.label(painted(finer))
@@ -302,6 +309,7 @@ def test_answers_that_differ_are_named_the_same_whichever_is_asked_for(slope: Pa
     assert table.share == pytest.approx(painted(made[0]).mean(), abs=0.05)
 
 
+@pytest.mark.slow
 def test_finer_kinds_that_find_the_same_are_no_answer(tile: Path) -> None:
     made = match(open_raster(str(tile)), MatchRequest(DISC, by="color"))
     assert made.answers == (1, 2) and made.found.regions.metadata["answers"] == [

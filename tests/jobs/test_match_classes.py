@@ -58,6 +58,7 @@ def found(tile: Path, file: Path, refine: str = "pixel", work: Work = SERIAL) ->
     return match_classes(open_raster(str(tile)), MatchClassesRequest(str(file), refine), work)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("crs", ["EPSG:32618", pytest.param("EPSG:4326", marks=pytest.mark.slow)])
 def test_every_pixel_gets_its_class(tile: Path, tmp_path: Path, crs: str) -> None:
     made = found(tile, samples(tmp_path / "s.gpkg", *NAMES, crs=crs))
@@ -150,6 +151,7 @@ def test_filled_holes_leave_the_confidence_known(tile: Path, tmp_path: Path) -> 
     assert regions["confidence"].between(0, 1).all()
 
 
+@pytest.mark.slow
 def test_files_that_are_no_samples_of_classes_are_refused(tile: Path, tmp_path: Path) -> None:
     frame = geopandas.read_file(samples(tmp_path / "s.gpkg", *NAMES))
     frame.drop(columns="class").to_file(tmp_path / "none.gpkg")

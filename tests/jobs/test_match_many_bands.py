@@ -76,6 +76,7 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> NDArray[np.bool_]:
     return painted(found(write(tmp_path_factory.mktemp("known") / "a.tif", features())))
 
 
+@pytest.mark.slow
 def test_all_bands_are_compared_where_none_is_chosen(known: NDArray[np.bool_]) -> None:
     assert agreement(known, kinds() == 0) > 0.93
 
@@ -92,6 +93,7 @@ CHANGES: dict[str, Callable[[Planes], Planes]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHANGES)
 def test_what_bands_say_counts_and_not_how_they_are_stored(
     name: str, known: NDArray[np.bool_], tmp_path: Path
@@ -109,6 +111,7 @@ STORED: dict[str, Callable[[Planes], Planes]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", STORED)
 def test_numbers_of_other_types_give_nearly_the_same(
     name: str, known: NDArray[np.bool_], tmp_path: Path
@@ -151,6 +154,7 @@ def test_a_pixel_is_valid_where_all_bands_are(tmp_path: Path) -> None:
         assert not counted[40:60, 150:180].any() and not counted[65:85, 150:180].any()
 
 
+@pytest.mark.slow
 def test_alpha_is_no_feature(known: NDArray[np.bool_], tmp_path: Path) -> None:
     alpha = np.full((1, *SHAPE), 255, np.uint8)
     alpha[0, 150:] = 0
@@ -162,6 +166,7 @@ def test_alpha_is_no_feature(known: NDArray[np.bool_], tmp_path: Path) -> None:
     assert not result[151:].any() and agreement(result[:150], known[:150]) > 0.97
 
 
+@pytest.mark.slow
 def test_bands_are_chosen_by_number_or_name(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", features())
     with rasterio.open(path, "r+") as file:
@@ -173,6 +178,7 @@ def test_bands_are_chosen_by_number_or_name(tmp_path: Path) -> None:
     assert one.found.regions.metadata["bands"] == list(numbers)
 
 
+@pytest.mark.slow
 def test_files_side_by_side_are_one_raster(known: NDArray[np.bool_], tmp_path: Path) -> None:
     planes = features()
     left = write(tmp_path / "left.tif", planes[:, :, :96])
@@ -232,6 +238,7 @@ def test_classes_are_told_apart_in_many_bands(tmp_path: Path) -> None:
         assert part.area.sum() == pytest.approx(4 * expected.sum(), rel=0.1)
 
 
+@pytest.mark.slow
 def test_texture_needs_a_chosen_band(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", features(6))
     with pytest.raises(UnchosenBandsError, match="choose with --band"):
@@ -240,6 +247,7 @@ def test_texture_needs_a_chosen_band(tmp_path: Path) -> None:
     assert made.color is not None and made.color.weights.shape == (1, 1)
 
 
+@pytest.mark.slow
 def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     planes = features()
     planes[7] = np.nan

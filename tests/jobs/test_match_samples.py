@@ -35,6 +35,7 @@ def test_samples_of_two_kinds_find_both(tile: Path) -> None:
     assert overlap(painted(made), truth() != 0) > 0.9 and made.compared == "color"
 
 
+@pytest.mark.slow
 def test_what_is_unlike_is_left_out(tile: Path) -> None:
     made = found(tile, ROOF, unlike=(MEADOW, WATER))
     assert overlap(painted(made), truth() == 1) > 0.95
@@ -75,6 +76,7 @@ def test_tiles_and_threads_change_nothing(tile: Path) -> None:
         assert repr(column.tolist()) == repr(other.found.regions.columns[name].tolist())
 
 
+@pytest.mark.slow
 def test_samples_that_overlap_are_refused(tile: Path) -> None:
     with pytest.raises(SampleError, match="pixels in common; draw them apart"):
         found(tile, ROOF, unlike=(WATER, Disc(1072, 941, 5)))
@@ -108,6 +110,7 @@ def test_one_in_a_list_is_one(tile: Path) -> None:
     assert one.equals(other)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1))
 @settings(max_examples=20)
 def test_no_point_is_like_two_kinds_and_what_neither_sample_has_is_like_none(seed: int) -> None:

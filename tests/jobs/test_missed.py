@@ -32,6 +32,7 @@ def specks(shape: tuple[int, int] = (200, 300)) -> NDArray[np.uint8]:
     return image
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tile", [None, 64])
 @pytest.mark.parametrize("refine", ["tv", "scan", "smooth", "none"])
 def test_pixels_in_range_are_counted(tmp_path: Path, tile: int | None, refine: str) -> None:
@@ -43,6 +44,7 @@ def test_pixels_in_range_are_counted(tmp_path: Path, tile: int | None, refine: s
     assert (image == 200).sum() == 18 and (image > 0).sum() == 57000
 
 
+@pytest.mark.slow
 def test_values_and_percentiles_are_counted_by_their_own_stretch(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", specks())
     assert "no region has a mean value in 150 and more" in (text := told(path, values=(150, None)))

@@ -54,6 +54,7 @@ def mask_of(path: Path, disc: Disc) -> NDArray[np.bool_]:
     return whole
 
 
+@pytest.mark.slow
 def test_it_lies_in_the_field_that_is_undecided(tile: Path) -> None:
     proposed = found(tile).next_sample
     assert proposed is not None and proposed.radius == LEFT.radius
@@ -124,6 +125,7 @@ def test_it_lies_on_valid_pixels_and_outside_of_all_samples(
         samples.append(made.next_sample)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("transform", "epsg"),
     [
@@ -157,6 +159,7 @@ def test_on_any_map_it_is_as_large_as_the_sample(tmp_path: Path, transform: Affi
     assert max(len(f"{value:.15g}") for value in (proposed.x, proposed.y, proposed.radius)) < 13
 
 
+@pytest.mark.slow
 def test_an_array_has_its_own_coordinates() -> None:
     frame = uavseg.match(fields()[0], (44, 100, 10), by="color")
     x, y, radius = frame.attrs["uavseg"]["next_sample"]
@@ -201,6 +204,7 @@ def test_python_and_the_command_say_the_same(tile: Path, tmp_path: Path) -> None
     assert f"--unlike {','.join(f'{value:.15g}' for value in proposed)}" in said.stderr
 
 
+@pytest.mark.slow
 def test_a_quiet_command_does_not_say_it(tile: Path, tmp_path: Path) -> None:
     target = str(tmp_path / "found.gpkg")
     said = CliRunner().invoke(
@@ -209,6 +213,7 @@ def test_a_quiet_command_does_not_say_it(tile: Path, tmp_path: Path) -> None:
     assert said.exit_code == 0 and said.output == ""
 
 
+@pytest.mark.slow
 def test_the_line_is_not_in_a_stream_of_regions(tile: Path) -> None:
     said = CliRunner().invoke(main, ["match", str(tile), "--like", "1044,900,10", "--by", "color", "-o", "-"])
     assert said.stdout.startswith("{") and "undecided is" not in said.stdout and "undecided is" in said.stderr

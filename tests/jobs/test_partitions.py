@@ -84,13 +84,14 @@ def rows_of(frame: geopandas.GeoDataFrame) -> list[tuple[Any, ...]]:
     return sorted(zip(frame.geometry.to_wkb(), *exact, strict=True))
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 10**6),
     st.sampled_from(sorted(REQUESTS)),
     st.sampled_from([64, 128, 192]),
     st.sampled_from([64, 128, None]),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 def test_all_files_together_are_the_regions_of_one_process(
     written: Written, seed: int, name: str, side: int, tile: int | None
 ) -> None:
@@ -107,6 +108,7 @@ def test_all_files_together_are_the_regions_of_one_process(
     assert found.regions.metadata == one.regions.metadata
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @settings(max_examples=10, deadline=None)
 def test_ids_are_first_pixels_counted_row_by_row(written: Written, seed: int) -> None:
@@ -122,6 +124,7 @@ def test_ids_are_first_pixels_counted_row_by_row(written: Written, seed: int) ->
     assert not inside[row - 1, col][row > 0].any(), "a first pixel has no pixel of its region above it"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tv", "paper"])
 def test_a_stopped_run_goes_on(written: Written, tmp_path: Path, name: str) -> None:
     raster, request = written(scene(4)), REQUESTS[name]
@@ -154,6 +157,7 @@ def test_a_stopped_run_goes_on(written: Written, tmp_path: Path, name: str) -> N
     assert contents(tmp_path / "a.parquet") == contents(tmp_path / "whole.parquet")
 
 
+@pytest.mark.slow
 def test_damaged_components_are_named(written: Written, tmp_path: Path) -> None:
     raster, work = written(scene(4)), Work(checkpoint=tmp_path / "kept")
     extract_partitions(raster, BRIGHT, tmp_path / "a.parquet", work, side=64)
@@ -168,6 +172,7 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
+@pytest.mark.slow
 def test_bytes_depend_on_neither_tiles_nor_threads(written: Written, tmp_path: Path) -> None:
     raster = written(scene(4))
     for number, work in enumerate((SERIAL, Work(64), Work(128, threads(3), threads(3)))):
@@ -177,6 +182,7 @@ def test_bytes_depend_on_neither_tiles_nor_threads(written: Written, tmp_path: P
     assert all(other == first for other in others)
 
 
+@pytest.mark.slow
 def test_a_folder_is_one_data_set(written: Written, tmp_path: Path) -> None:
     path = tmp_path / "regions.parquet"
     extract_partitions(written(scene(4)), BRIGHT, path, side=64)
@@ -212,6 +218,7 @@ def test_what_needs_all_regions_is_refused(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_folder_is_replaced_when_that_is_asked_for(written: Written, tmp_path: Path) -> None:
     path = tmp_path / "regions.parquet"
     raster, dark = written(scene(4)), written(np.full((70, 70), 10, np.uint8))

@@ -79,6 +79,7 @@ def test_a_corridor_of_any_width_joins_two_halls(width: int, offset: int) -> Non
     assert length_of(v, start, goal) == pytest.approx(dijkstra(v < 0.45, start, goal))
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32), block=st.integers(1, 5), share=st.sampled_from([0.05, 0.2, 0.3]))
 @settings(max_examples=60)
 def test_wherever_the_cells_leave_a_way_the_path_is_as_short(seed: int, block: int, share: float) -> None:
@@ -91,6 +92,7 @@ def test_wherever_the_cells_leave_a_way_the_path_is_as_short(seed: int, block: i
     assert length_of(v, start, goal) == (expected if np.isinf(expected) else pytest.approx(expected))
 
 
+@pytest.mark.slow
 @given(seed=st.integers(0, 2**32), clearance=st.sampled_from([0.1, 0.15, 0.25, 0.4]))
 @settings(max_examples=40)
 def test_with_a_clearance_too(seed: int, clearance: float) -> None:

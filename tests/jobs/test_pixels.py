@@ -80,6 +80,7 @@ def test_a_pixel_in_range_counts_wherever_it_lies() -> None:
     assert len(answer(uavseg.extract, image, RANGE, refine="pixels", tile=64)) == 2
 
 
+@pytest.mark.slow
 def test_values_and_percentiles_are_decided_by_each_pixel(tmp_path: Path) -> None:
     image = np.random.default_rng(3).normal(300, 40, (150, 170)).astype(np.float32)
     path = tmp_path / "heat.tif"
@@ -94,6 +95,7 @@ def test_values_and_percentiles_are_decided_by_each_pixel(tmp_path: Path) -> Non
     assert ((image >= low) != part).sum() <= 1
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(st.integers(0, 10**6), SHAPES, st.sampled_from([None, 64]))
 def test_levels_and_classes_carry_the_interval_of_each_pixel(
@@ -119,6 +121,7 @@ def drawn(regions: Any, numbers: Any, shape: tuple[int, int], grid: Any = IDENTI
     return np.asarray(rasterize(zip(regions.geometry, numbers, strict=True), shape, transform=grid))
 
 
+@pytest.mark.slow
 def test_a_block_map_answers_from_the_raster_where_it_is_in_place(tmp_path: Path) -> None:
     raster, blocks = Path(write(tmp_path / "rows.tif", vineyard(200))), tmp_path / "blocks.tif"
     run("divide", str(raster), "-o", str(blocks), "-q")

@@ -124,6 +124,7 @@ def test_limits_of_states_belong_to_the_state_below(p: float, state: int, dtype:
     assert found.cells[state] == 64 * 64
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["pixels", "tv"])
 @pytest.mark.filterwarnings("ignore:no region of low")
 @pytest.mark.parametrize("stretch", ["40,90", "none", "minmax"])

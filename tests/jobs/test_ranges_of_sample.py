@@ -70,6 +70,7 @@ def overlap(path: str, one: SampleRange, truth: np.ndarray) -> float:
     return float((found & truth).sum() / (found | truth).sum())
 
 
+@pytest.mark.slow
 def test_a_band_that_parts_the_kind_is_the_answer(tmp_path: Path) -> None:
     other = patches(1, 60, 190)
     path = write(tmp_path / "a.tif", noisy([other, np.where(kind(), 150, 90), other]), photometric="RGB")
@@ -80,6 +81,7 @@ def test_a_band_that_parts_the_kind_is_the_answer(tmp_path: Path) -> None:
     assert best.agreement > 0.75 and best.share == pytest.approx(kind().mean(), abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_ratio_is_the_answer_under_uneven_light(tmp_path: Path) -> None:
     light = patches(2, 0.5, 1.3)
     planes = [light * np.where(kind(), 130, 90), light * 100, light * 110]
@@ -99,6 +101,7 @@ def test_a_sum_is_as_good_where_bands_differ_by_a_step(tmp_path: Path) -> None:
     assert overlap(path, total, kind()) > 0.95
 
 
+@pytest.mark.slow
 def test_the_best_comes_first_and_each_kind_of_feature_once(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", noisy([patches(k, 60, 190) + 25 * kind() for k in range(3)]))
     ranges = suggested(path).ranges
@@ -115,6 +118,7 @@ def test_tiles_and_threads_change_nothing(tmp_path: Path) -> None:
     assert suggested(path).ranges == suggested(path, work=Work(64, threads(2))).ranges
 
 
+@pytest.mark.slow
 def test_what_is_unlike_is_left_out(tmp_path: Path) -> None:
     """Three levels: the sample and one unlike it leave a range between the two."""
     grey = np.where(kind(), 120, 60) + np.where(np.indices(SHAPE)[1] > 150, 90, 0)
@@ -137,6 +141,7 @@ def test_a_raster_of_many_bands_needs_no_choice(tmp_path: Path) -> None:
     assert overlap(path, chosen[0], kind()) > 0.95
 
 
+@pytest.mark.slow
 def test_one_band_of_many_is_the_answer(tmp_path: Path) -> None:
     planes = noisy([patches(k, 60, 190) for k in range(17)])
     planes[11] = noisy([np.where(kind(), 40, 120)])[0]
@@ -158,6 +163,7 @@ def test_the_words_keep_what_was_chosen(tmp_path: Path) -> None:
     assert all(one.words["band_names"] == "red,green,nir" for one in by_name)
 
 
+@pytest.mark.slow
 def test_scales_are_those_of_values(tmp_path: Path) -> None:
     planes = (noisy([np.where(kind(), 150, 90)])).astype(np.int16) * 20
     path = write(tmp_path / "a.tif", planes)
@@ -190,6 +196,7 @@ def test_samples_are_checked(tmp_path: Path) -> None:
         suggested(str(tmp_path / "blocks.tif"))
 
 
+@pytest.mark.slow
 def test_a_palette_is_its_luminance(tmp_path: Path) -> None:
     path = write(tmp_path / "a.tif", kind().astype(np.uint8)[None], photometric="palette")
     with rasterio.open(path, "r+") as file:

@@ -54,6 +54,7 @@ def test_a_library_grows_and_keeps_what_it_held(library: Path) -> None:
     assert frame.crs is None and np.allclose(shapely.get_coordinates(frame.centroid), 0, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "shape"), [("disc", DISC), ("bar", BAR), ("ell", ELL)])
 @pytest.mark.parametrize("sides", [2, 4])
 def test_shapes_are_named_from_some_of_their_sides(
@@ -115,6 +116,7 @@ def test_gaps_of_any_width_keep_what_there_is(gap: float) -> None:
     assert outlines.buffer(1).covers(shapely.union_all([*uavseg.describe(cells).outlines]))
 
 
+@pytest.mark.slow
 def test_threads_and_tiles_change_nothing(library: Path) -> None:
     picture = seen_from(ELL, 2)
     first, second = (
@@ -144,6 +146,7 @@ def test_regions_are_named_by_themselves(tmp_path: Path) -> None:
     assert found["kind"].tolist() == ["a", "b", "c"] and (found["probability"] > 0.9).all()
 
 
+@pytest.mark.slow
 def test_texture_parts_equal_shapes(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     picture = np.full((128, 256), 100, np.uint8)
@@ -165,6 +168,7 @@ def test_texture_parts_equal_shapes(tmp_path: Path) -> None:
     assert described["area_m2"].tolist() == pytest.approx([math.pi * 625] * 4, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -196,6 +200,7 @@ def test_wrong_libraries_are_refused(tmp_path: Path) -> None:
         uavseg.recognise(seen_from(DISC, 4), tmp_path / "none.gpkg")
 
 
+@pytest.mark.slow
 def test_a_library_with_a_crs_learns_in_metres_around_centroids(library: Path, tmp_path: Path) -> None:
     on_ground, local = tmp_path / "ground.gpkg", geopandas.read_file(library, layer="regions")
     named = REGIONS.assign(name=["disc", "bar", "ell"], since=pandas.Timestamp("2020-02-02"))
@@ -217,6 +222,7 @@ def test_an_example_that_was_seen_in_part_is_learned_with_a_warning(tmp_path: Pa
         uavseg.recognise(seen_from(DISC, 1), tmp_path / "library.gpkg", learn="disc", ids=[1])
 
 
+@pytest.mark.slow
 def test_a_damaged_texture_is_none(library: Path, tmp_path: Path) -> None:
     frame = geopandas.read_file(library, layer="regions")
     frame["texture"] = ["1 2 3", "x " * 80, "-1 " * 80]
@@ -227,6 +233,7 @@ def test_a_damaged_texture_is_none(library: Path, tmp_path: Path) -> None:
     assert found["nearest"].tolist() == ["disc"]
 
 
+@pytest.mark.slow
 def test_the_command_names_what_it_learned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     box = GeoBox((SIDE, SIDE), Affine.identity(), None)

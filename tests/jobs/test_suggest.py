@@ -110,6 +110,7 @@ def test_tiles_threads_and_a_block_map_change_nothing() -> None:
         assert found.ranges == wanted.ranges and np.array_equal(found.intervals, wanted.intervals)
 
 
+@pytest.mark.slow
 def test_tiles_change_neither_parts_nor_doubt() -> None:
     wanted = suggested(texture(1), segment=SegmentParams())
     assert [one.part for one in wanted.ranges] == [False, False, True] and len(wanted.warnings) == 1
@@ -119,6 +120,7 @@ def test_tiles_change_neither_parts_nor_doubt() -> None:
         assert np.array_equal(found.intervals, wanted.intervals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_list_of_a_negative_is_the_list_mirrored(seed: int) -> None:
     for image in (texture(seed), discs(0.02, 0.3, seed, 0.08), scene(seed)):
@@ -235,6 +237,7 @@ def grounds(step: float, seed: int = 1) -> np.ndarray:
     return np.clip(image, 0, 1).astype(np.float32)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_each_doubt_has_its_words(seed: int) -> None:
     told = {

@@ -84,6 +84,7 @@ def check(path: str, truths: list[np.ndarray], valid: np.ndarray | None = None, 
     assert uavseg.info(path, **how).interval in map(str, ranges)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [2, 17])
 @pytest.mark.parametrize("name", PATTERNS)
 def test_both_materials_are_suggested_whatever_their_pattern(tmp_path: Path, name: str, noise: float) -> None:
@@ -101,6 +102,7 @@ def test_other_types_and_nodata(tmp_path: Path, name: str, kind: str) -> None:
     check(written(tmp_path, image, nodata=0), [mask, ~mask], valid, stretch="minmax")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [2, 10])
 def test_three_materials(tmp_path: Path, noise: float) -> None:
     """Two grounds, and rows or squares on both of them."""
@@ -122,6 +124,7 @@ def test_a_vineyard(tmp_path: Path) -> None:
     assert first.share == 0.5 and uavseg.extract(path, first.range)["pixels"].sum() == bars.sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rows", "lone squares"])
 def test_tiles_threads_and_a_block_map_beside_its_raster_change_nothing(tmp_path: Path, name: str) -> None:
     path = written(tmp_path, drawn(PATTERNS[name], 7))
@@ -141,6 +144,7 @@ def test_two_grounds_that_only_means_part_stay_two_ranges_beside_small_things(tm
     assert 120 < ranges[2][0] * 255 < 190
 
 
+@pytest.mark.slow
 def test_pictures_show_the_rows(tmp_path: Path) -> None:
     """Cells of 8 x 8 pixels would show one colour."""
     path = written(tmp_path, drawn(PATTERNS["rows"], 2))

@@ -50,6 +50,7 @@ def test_a_line_is_added_to_what_was_refined(refine: str) -> None:
     assert after.geometry.apply(lambda one: one.bounds[2] - one.bounds[0]).max() > 150
 
 
+@pytest.mark.slow
 def test_a_tile_without_cells_in_range_has_its_lines_too() -> None:
     image = np.full((320, 320), 150, np.uint8)
     image[200, 130:310] = 90
@@ -57,6 +58,7 @@ def test_a_tile_without_cells_in_range_has_its_lines_too() -> None:
     assert 165 <= line["pixels"] <= 185 and line["mean"] == pytest.approx(90 / 255, abs=0.02)
 
 
+@pytest.mark.slow
 def test_regions_say_it_and_a_block_map_finds_the_same(tmp_path: Path) -> None:
     raster, out = write(tmp_path / "a.tif", cracked(2)), str(tmp_path / "r.geojson")
     run("extract", raster, "--range", "0,0.5", "--thin-lines", "-o", out, "-q")

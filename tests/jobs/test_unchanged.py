@@ -56,6 +56,7 @@ def extracted(blocks: Path, **words: object) -> int:
     return len(uavseg.extract(blocks, (0.5, 1), tile=64, threads=1, **words))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "place",
     [
@@ -77,6 +78,7 @@ def test_a_pixel_changed_where_nothing_is_in_range_is_found(place: tuple[int, in
     assert extracted(blocks, refine="none") == 1
 
 
+@pytest.mark.slow
 def test_another_raster_of_the_same_size_is_found_however_large_it_is(tmp_path: Path) -> None:
     image = scene((1600, 1600))
     raster = write(tmp_path / "tile.tif", image)
@@ -112,6 +114,7 @@ def test_another_size_is_found(blocks: Path) -> None:
         extracted(blocks)
 
 
+@pytest.mark.slow
 def test_copies_of_both_files_and_a_raster_that_is_written_again_pass(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -130,6 +133,7 @@ def test_copies_of_both_files_and_a_raster_that_is_written_again_pass(
     assert extracted(copies / "blocks.tif") == 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "crs", ["+proj=tmerc +lat_0=50 +lon_0=15 +datum=WGS84", "EPSG:4326", "EPSG:2154", None]
 )

@@ -28,6 +28,7 @@ def draw(path: Path, valid: np.ndarray, crs: str | None = "EPSG:32632") -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_place_is_ground_where_its_pixel_is_valid(tmp_path: Path) -> None:
     valid = np.random.default_rng(0).random((40, 60)) < 0.5
     is_ground = valid_ground(open_source(draw(tmp_path / "a.tif", valid)))

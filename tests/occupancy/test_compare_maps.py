@@ -37,6 +37,7 @@ def drawn(*boxes: tuple[int, int, int, int]) -> np.ndarray:
     return cells
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHIFTS)
 def test_the_motion_of_the_second_map_is_found(name: str) -> None:
     x, y, degrees = SHIFTS[name]
@@ -47,6 +48,7 @@ def test_the_motion_of_the_second_map_is_found(name: str) -> None:
     assert np.abs(moved(found.motion, np.array([[2.0, 4.0]])) - corner).max() < 0.5 * CELL_M
 
 
+@pytest.mark.slow
 def test_the_other_way_round_is_exactly_the_reverse() -> None:
     first, second = seen(1, False), seen(1, True, HARD)
     there, back = register(first, second), register(second, first)
@@ -54,6 +56,7 @@ def test_the_other_way_round_is_exactly_the_reverse() -> None:
     assert there.share == back.share and there.angle_deg == pytest.approx(-back.angle_deg)
 
 
+@pytest.mark.slow
 def test_a_map_lies_on_itself_and_nothing_changed() -> None:
     one = seen(2, False)
     found = register(one, one)
@@ -62,6 +65,7 @@ def test_a_map_lies_on_itself_and_nothing_changed() -> None:
     assert not labels.any() and not len(kinds)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_boxes_that_went_and_came_are_found_and_nothing_else(seed: int) -> None:
     before, after = seen(seed, False), seen(seed, True, HARD)
@@ -108,6 +112,7 @@ def test_other_resolutions_register() -> None:
     assert abs(found.shift[0] - 0.3) < 0.3 and abs(found.angle_deg) < 0.3
 
 
+@pytest.mark.slow
 def test_maps_of_other_places_and_motions_beyond_the_limits_are_refused() -> None:
     rng = np.random.default_rng(1)
     boxes = [[(*rng.integers(10, 90, 1), *rng.integers(10, 150, 1), 14, 14) for _ in range(9)] for _ in "ab"]
@@ -122,6 +127,7 @@ def test_maps_of_other_places_and_motions_beyond_the_limits_are_refused() -> Non
         evidence(np.full(ROOM, 0.5))
 
 
+@pytest.mark.slow
 def test_a_map_whose_raster_is_turned_by_a_quarter_gives_the_same() -> None:
     one, other = seen(1, False), seen(1, True, HARD)
     cols = other.states.shape[1]

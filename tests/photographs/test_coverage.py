@@ -114,6 +114,7 @@ SURVEYS: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", SURVEYS)
 def test_all_planned_photographs_are_whole(how: dict[str, Any]) -> None:
     mission = survey(**how)
@@ -130,6 +131,7 @@ def mission_home(mission: Mission) -> tuple[float, ...]:
     return mission.home.lat, mission.home.lon, mission.home.altitude_m
 
 
+@pytest.mark.slow
 def test_overlaps_are_those_that_were_asked_for() -> None:
     for front, side in ((75, 70), (60, 40), (85, 20)):
         found = coverage(
@@ -141,6 +143,7 @@ def test_overlaps_are_those_that_were_asked_for() -> None:
         assert side / 100 - 1e-3 < beside["least"] <= beside["median"] < side / 100 + 0.1
 
 
+@pytest.mark.slow
 def test_a_line_that_is_left_out_leaves_exactly_its_strip() -> None:
     mission = survey(overlap=(75, 40))
     plan, plane = planned(mission), Plane(*HOME[:2])
@@ -158,6 +161,7 @@ def test_a_line_that_is_left_out_leaves_exactly_its_strip() -> None:
     assert sum(found.gap_areas_m2) == pytest.approx(90 * (1 - 2 * beside["median"]) * 200, rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", SURVEYS)
 def test_gaps_are_the_cells_that_no_footprint_covers(how: dict[str, Any]) -> None:
     mission, rng = survey(**how), Random(3)
@@ -188,7 +192,8 @@ PLAN = planned(MISSION)
 SUBSETS = st.sets(st.integers(0, len(PLAN.photographs) - 1), min_size=1)
 
 
-@settings(max_examples=25, deadline=None)
+@pytest.mark.slow
+@settings(max_examples=10, deadline=None)
 @given(SUBSETS, SUBSETS, st.randoms())
 def test_more_photographs_never_leave_more_gaps_and_their_order_does_not_matter(
     few: set[int], more: set[int], rng: Any
@@ -208,6 +213,7 @@ def test_more_photographs_never_leave_more_gaps_and_their_order_does_not_matter(
     assert both.missing == again.missing and both.overlap == again.overlap
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", SURVEYS)
 def test_the_next_flight_over_the_gaps_makes_the_area_whole(how: dict[str, Any]) -> None:
     mission, regions = survey(**how), how.get("regions", [FIELD])
@@ -231,6 +237,7 @@ def test_shares_of_fields_far_apart_are_those_of_each() -> None:
     assert list(seen(both)) == pytest.approx(halves, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_a_tilted_camera_sees_ahead() -> None:
     photos = Photos(CAMERA, Overlap(70, 60), pitch_deg=-60)
     params = PlanParams(
@@ -256,6 +263,7 @@ def moved(photographs: Sequence[Photograph], ahead_m: float, aside_m: float = 0.
     return result
 
 
+@pytest.mark.slow
 def test_photographs_are_those_of_triggers_within_half_their_distance() -> None:
     step = PLAN.spacing_m[5]
     assert not coverage(MISSION, moved(PLAN.photographs, 0.45 * step), FLAT).missing
@@ -271,6 +279,7 @@ def test_photographs_are_those_of_triggers_within_half_their_distance() -> None:
     assert with_others.overlap == coverage(MISSION, PLAN.photographs, FLAT).overlap
 
 
+@pytest.mark.slow
 def test_one_photograph_is_that_of_one_trigger() -> None:
     mission = survey(crosshatch=True)
     plan = planned(mission)
@@ -279,6 +288,7 @@ def test_one_photograph_is_that_of_one_trigger() -> None:
     assert {one.number - 1 for one in found.missing} == set(np.flatnonzero(plan.line == plan.line[-1]))
 
 
+@pytest.mark.slow
 def test_motion_blur_is_exposure_times_speed() -> None:
     gsd_m = CAMERA.gsd_m(60)
     sharp = [replace(one, speed_m_s=5.0, exposure_s=0.99 * gsd_m / 5) for one in PLAN.photographs]
@@ -289,6 +299,7 @@ def test_motion_blur_is_exposure_times_speed() -> None:
     assert coverage(MISSION, PLAN.photographs, FLAT).blur_not_known == len(PLAN.photographs)
 
 
+@pytest.mark.slow
 def test_speeds_that_are_not_told_follow_from_places_and_times() -> None:
     gsd_m, at_s, taken = CAMERA.gsd_m(60), 0.0, []
     for k, one in enumerate(PLAN.photographs):
@@ -304,6 +315,7 @@ def test_speeds_that_are_not_told_follow_from_places_and_times() -> None:
     assert coverage(hovering, stops, FLAT).blurred == ()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_answered_is_refused() -> None:
     without = replace(MISSION, items=tuple(i for i in MISSION.items if i.command != CAMERA_DISTANCE))
     with pytest.raises(MissionError, match="--regions"):

@@ -63,6 +63,7 @@ def test_a_level_elevation_model_is_flat_ground(photograph: Photograph, level: D
     np.testing.assert_allclose(Ground(level).seen(photograph, pixels), expected, atol=1e-4)
 
 
+@pytest.mark.slow
 @given(
     st.floats(-0.3, 0.3),
     st.floats(-0.3, 0.3),

@@ -154,6 +154,7 @@ def test_on_flat_ground(pose: dict[str, Any], scene: Path, tmp_path: Path) -> No
     assert_agrees(Mosaic([one], Ground()), scene)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pose", POSES[1:4])
 def test_over_a_slope(pose: dict[str, Any], scene: Path, slope: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", **pose | {"relative_m": None, "altitude_m": 560.0})
@@ -223,6 +224,7 @@ def survey(folder: Path, scene: Path) -> list[Photograph]:
     return found
 
 
+@pytest.mark.slow
 def test_a_survey_is_one_map_without_seams(scene: Path, tmp_path: Path) -> None:
     photographs = survey(tmp_path, scene)
     mosaic = Mosaic(photographs, Ground())
@@ -249,6 +251,7 @@ def mosaic_tile(mosaic: Mosaic, k: int, row: int, col: int) -> Array:
     return alone.tile(tile)[:, row - tile.row, col - tile.col]
 
 
+@pytest.mark.slow
 def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: Path) -> None:
     photographs = []
     for k, (north, height) in enumerate([(0, 560), (15, 600), (40, 545), (-30, 570), (5, 590)]):
@@ -280,6 +283,7 @@ def test_over_hills_each_pixel_is_of_the_nearest_camera(slope: Path, tmp_path: P
     assert (nearest == pixels[0, row, col]).mean() > 0.998
 
 
+@pytest.mark.slow
 def test_order_and_threads_and_strips_change_nothing(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -292,6 +296,7 @@ def test_order_and_threads_and_strips_change_nothing(
     assert (drawn(Mosaic(photographs, Ground())) == first).all()
 
 
+@pytest.mark.slow
 def test_two_cameras_make_one_map(scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", lon=PLACE[1] - 0.0003)
     other = photograph(tmp_path / "b.tif", lon=PLACE[1] + 0.0003, focal_px=700.0, image_px=(640, 480))
@@ -341,6 +346,7 @@ def test_pixels_may_be_larger_than_a_photograph(scene: Path, tmp_path: Path) -> 
     assert shown > 3
 
 
+@pytest.mark.slow
 def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     # A wall of 20 m, 30 m east of the camera; what lies behind it is compared by marching from each place.
     heights = np.full((1, 400, 400), 100.0, np.float32)
@@ -371,6 +377,7 @@ def test_hidden_ground_is_not_drawn(tmp_path: Path) -> None:
     assert alpha[row, col][seen].mean() > 0.99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitch", [-90.0, -60.0])
 def test_ground_beyond_a_limit_is_left_out_and_said(pitch: float, scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif", pitch_deg=pitch + 40, focal_px=200.0)
@@ -394,6 +401,7 @@ def test_ground_beyond_a_limit_is_left_out_and_said(pitch: float, scene: Path, t
     assert middle[2] < 0
 
 
+@pytest.mark.slow
 @given(
     yaw=st.floats(-180, 180), pitch=st.floats(-90, -40), roll=st.floats(-10, 10), height=st.floats(20, 200)
 )

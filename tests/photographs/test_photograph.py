@@ -62,6 +62,7 @@ def corners_m(photograph: Photograph) -> Any:
     )
 
 
+@pytest.mark.slow
 @given(st.floats(-180, 180), st.floats(-90, -30), st.floats(5, 500))
 def test_footprints_are_those_that_missions_are_planned_with(yaw: float, pitch: float, height: float) -> None:
     photograph = replace(PHOTO, yaw_deg=yaw, pitch_deg=pitch, relative_m=height)

@@ -532,6 +532,7 @@ def test_files_that_end_early_are_left_out_or_read(suffix: str, tmp_path: Path) 
         assert_same_pose(found, PHOTO)
 
 
+@pytest.mark.slow
 @given(st.data())
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_damaged_files_are_read_or_refused(tmp_path: Path, data: st.DataObject) -> None:

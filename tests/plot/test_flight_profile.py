@@ -46,6 +46,7 @@ def test_a_level_flight_is_level_between_its_ends() -> None:
     assert profile.along_m[-1] == pytest.approx(mission.estimate.distance_m)
 
 
+@pytest.mark.slow
 def test_lines_with_photographs_are_as_long_as_the_survey_lines() -> None:
     profile = flight_profile(flown(photos=Photos(camera_named("phantom 4 rtk"))))
     legs = np.diff(profile.along_m)
@@ -55,6 +56,7 @@ def test_lines_with_photographs_are_as_long_as_the_survey_lines() -> None:
     assert not flight_profile(flown()).is_line.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["absolute", "relative", "frame"])
 def test_the_height_above_the_ground_is_what_was_planned(hills: Path, mode: str) -> None:
     mission, dem = flown(hills, mode), Dem.open(hills)

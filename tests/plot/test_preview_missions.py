@@ -43,6 +43,7 @@ def test_several_flights_have_different_colors(tmp_path: Path) -> None:
     assert has_color(one, FLIGHT_COLORS[0]) and not has_color(one, FLIGHT_COLORS[1])
 
 
+@pytest.mark.slow
 def test_equal_missions_give_equal_bytes_wherever_they_come_from(tmp_path: Path) -> None:
     files.write_mission(a_mission(SQUARE), tmp_path / "flight 1.plan")
     pictures = [

@@ -18,6 +18,7 @@ def has(picture: np.ndarray, color: tuple[float, ...]) -> bool:
     return bool((np.abs(picture[..., :3] - color).max(axis=-1) < 0.02).sum() > 500)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("with_raster", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_ranges_are_in_their_colours_over_grey(tmp_path: Path, with_raster: bool) -> None:
     found, dataset = found_in(halves())
@@ -61,6 +62,7 @@ def test_a_scale_beyond_floats_has_no_axis_of_values(tmp_path: Path) -> None:
         assert draw_suggestions(odd, tmp_path / "odd.png", None).is_file()
 
 
+@pytest.mark.slow
 def test_a_scale_of_one_value_has_no_axis_of_values(tmp_path: Path) -> None:
     """Matplotlib would warn of limits that are the same."""
     found, _ = found_in(halves())

@@ -346,6 +346,7 @@ def test_a_mission_is_that_of_the_command_line(suffix: str, qgis: Any, regions: 
         HOME_ALTITUDE=212,
         PATTERN="survey",
         SPACING=40,
+        ANGLE=0,
         OUTPUT=ours / name,
     )
     assert answer.code == 0, answer.log
@@ -358,6 +359,8 @@ def test_a_mission_is_that_of_the_command_line(suffix: str, qgis: Any, regions: 
         "survey",
         "--spacing",
         "40",
+        "--angle",
+        "0",
         "--json",
     ]
     printed = json.loads(qgis.typed("plan", regions, *words, "-o", theirs / name))
@@ -382,7 +385,7 @@ def test_gaps_footprints_and_a_map_of_photographs_are_those_of_the_command_line(
     from tests.photographs.flown import fly
 
     mission, photographs = tmp_path / "m.plan", tmp_path / "photographs"
-    words = ["--altitude", "60", "--home", "auto", "--camera", "DJI Mavic 3 Enterprise"]
+    words = ["--altitude", "60", "--home", "auto", "--camera", "DJI Mavic 3 Enterprise", "--angle", "0"]
     qgis.typed("plan", regions, "-o", mission, *words)
     fly(mission, photographs, without=tuple(range(20, 28)))
     answer = qgis.run(

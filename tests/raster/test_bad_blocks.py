@@ -85,6 +85,7 @@ def test_exactly_the_bad_blocks_are_invalid(write_raster: Callable, side: Any, r
     assert found == bad_blocks(path, BAD)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.data())
 def test_any_window_reads_the_same_pixels(write_raster: Callable, data: Any) -> None:
@@ -362,6 +363,7 @@ def test_a_file_of_many_blocks_none_of_which_can_be_read_is_left_out_as_a_whole(
     assert not valid.any() and found == [BadBlock(str(path), 0, 0, 280, 260)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tried", [7, *(pytest.param(k, marks=pytest.mark.slow) for k in (0, 63))])
 def test_where_one_of_many_blocks_can_be_read_each_is_tried(
     tmp_path: Path, write_raster: Callable, tried: int
@@ -374,6 +376,7 @@ def test_where_one_of_many_blocks_can_be_read_each_is_tried(
     assert valid.sum() == 256 and len(found) == 18 * 17 - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "side",
     [64, *(pytest.param(side, marks=pytest.mark.slow) for side in (192, (64, 448)))],

@@ -144,6 +144,7 @@ def test_a_raster_that_loses_its_place_while_it_is_used_is_an_error(tmp_path: Pa
         dataset.read(Window(0, 0, 64, 64))
 
 
+@pytest.mark.slow
 def test_filters_of_another_thread_do_not_make_it_fail(tmp_path: Path) -> None:
     """Shapely changes filters of warnings as it checks validity; Python has them once for all threads."""
     path = tmp_path / "unplaced.tif"

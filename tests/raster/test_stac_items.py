@@ -68,6 +68,7 @@ def extracted(*sources: object) -> bytes:
     return Path("out.geojson").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [
@@ -127,6 +128,7 @@ def halves() -> list[str]:
     return ["data/left.tif", "data/right.tif"]
 
 
+@pytest.mark.slow
 def test_a_mosaic_of_assets_is_that_of_their_files() -> None:
     files = halves()
     write_item("data/left.json", tile="left.tif")

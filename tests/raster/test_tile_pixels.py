@@ -28,7 +28,7 @@ def tile_at(lon: float, lat: float, zoom: int) -> tuple[int, int, int]:
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=20)
 @given(
     st.sampled_from(PLACES),
     st.tuples(st.integers(65, 3000), st.integers(65, 3000)),

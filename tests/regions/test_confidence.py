@@ -94,6 +94,7 @@ def test_a_clear_square_is_surer_than_a_faint_or_ragged_one(square):
     assert confidence_of(outlined(along, line, grey), statistics(grey))[0] < 0.5
 
 
+@pytest.mark.slow
 @given(st.integers(0, 9999))
 def test_dark_regions_are_as_sure_as_bright_ones(seed):
     rng = np.random.default_rng(seed)
@@ -145,6 +146,7 @@ def test_statistics_of_a_large_raster_are_near_those_of_all_its_pixels():
     np.testing.assert_allclose(found.statistics.deviation, grey.std(), rtol=0.02)
 
 
+@pytest.mark.slow
 def test_statistics_of_a_corner_are_found_in_an_empty_raster():
     values = np.full((1600, 1600), np.nan)
     values[1430:1500, 1500:1580] = np.random.default_rng(4).random((70, 80))

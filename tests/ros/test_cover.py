@@ -77,6 +77,7 @@ def plain_share(
     return float((away_m <= width / 2 + 1e-9).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rings", [WHOLE, EAST, REGIONS])
 @pytest.mark.parametrize("heading", [[], ["--heading", 30]])
 def test_all_of_the_way_keeps_the_radius_and_lines_stay_in_the_region(
@@ -88,6 +89,7 @@ def test_all_of_the_way_keeps_the_radius_and_lines_stay_in_the_region(
     assert shapely.covers(inside, shapely.linestrings(legs_of(xy, parts, "line"))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rings", [WHOLE, EAST, REGIONS])
 @pytest.mark.parametrize("heading", [[], ["--heading", 30]])
 def test_the_share_that_is_said_is_counted_cell_by_cell(
@@ -138,6 +140,7 @@ def test_a_room_with_walls_is_covered_up_to_the_corners(tmp_path: Path) -> None:
     assert len(lengths) == 6  # with one along each end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("heading", [0, 30, 90, 135.5])
 def test_lines_have_the_heading_or_fill_across_it(tmp_path: Path, heading: float) -> None:
     for origin in ((0.0, 0.0, 0.0), (2.0, -3.0, 0.6)):
@@ -152,6 +155,7 @@ def test_lines_have_the_heading_or_fill_across_it(tmp_path: Path, heading: float
         assert f", {heading:g} degrees" in said
 
 
+@pytest.mark.slow
 def test_the_same_bytes_twice_and_the_same_path_on_a_moved_map(tmp_path: Path) -> None:
     xy, parts, said = covered(tmp_path, EAST)
     before = (tmp_path / "path.csv").read_bytes()
@@ -164,6 +168,7 @@ def test_the_same_bytes_twice_and_the_same_path_on_a_moved_map(tmp_path: Path) -
         assert re.findall("covered.*", again) == re.findall("covered.*", said)
 
 
+@pytest.mark.slow
 def test_the_path_begins_where_the_robot_is(tmp_path: Path) -> None:
     xy, parts, _ = covered(tmp_path, EAST, "--start", "0.52,2.4")
     assert xy[0].tolist() == [0.52, 2.4] and parts[0] == "leg"
@@ -172,6 +177,7 @@ def test_the_path_begins_where_the_robot_is(tmp_path: Path) -> None:
     assert shapely.contains_xy(polygon(EAST[5]), *free[0])
 
 
+@pytest.mark.slow
 def test_waypoints_are_those_of_the_table_in_the_format_of_uavseg_path(tmp_path: Path) -> None:
     xy, parts, _ = covered(tmp_path, EAST)
     rows = list(csv.DictReader((tmp_path / "path.csv").read_text().splitlines()))
@@ -196,6 +202,7 @@ def test_waypoints_are_those_of_the_table_in_the_format_of_uavseg_path(tmp_path:
     assert lines == parts.count("line")
 
 
+@pytest.mark.slow
 def test_no_waypoint_comes_twice_in_a_row(tmp_path: Path) -> None:
     for rings in (WHOLE, EAST, REGIONS):
         xy, _, _ = covered(tmp_path, rings)
@@ -211,6 +218,7 @@ def drawn_rooms(draw: st.DrawFn) -> NDArray[np.int8]:
     return cells
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=15)
 @given(drawn_rooms(), st.sampled_from([0.06, 0.2]), st.sampled_from([0.2, 0.35, 0.6]), st.integers(0, 179))
 def test_what_can_be_reached_is_covered_on_drawn_maps(
@@ -261,6 +269,7 @@ def test_runs_are_those_that_dense_samples_find(data: st.DataObject) -> None:
         assert len(runs) == (np.diff(np.concatenate([[0], inside, [0]]).astype(int)) > 0).sum()
 
 
+@pytest.mark.slow
 def test_a_region_without_a_way_is_refused_or_left_out_and_said(tmp_path: Path) -> None:
     map_, out = map_file(tmp_path, rooms()), tmp_path / "path.yaml"
     regions = regions_file(tmp_path, REGIONS | {9: CLOSET})
@@ -285,6 +294,7 @@ def test_a_region_of_a_few_cells_is_covered_too(tmp_path: Path, ring: Any) -> No
         assert plain_share(rooms(), {1: ring}, legs_of(xy, parts, "line")) == 1
 
 
+@pytest.mark.slow
 def test_a_part_of_a_region_without_a_way_is_said(tmp_path: Path) -> None:
     _, _, said = covered(tmp_path, WHOLE)
     found = re.search(r"warning: no path leads to ([\d.]+) m2 of the regions, over which the robot", said)
@@ -293,6 +303,7 @@ def test_a_part_of_a_region_without_a_way_is_said(tmp_path: Path) -> None:
     assert re.search(r"no reach +[\d.]+ m2 along walls", said)
 
 
+@pytest.mark.slow
 def test_coverage_of_a_real_map(shared_data: Path, tmp_path: Path) -> None:
     path, out = shared_data / "maps" / "tb3_sandbox.yaml", tmp_path / "path.csv"
     regions = regions_file(tmp_path, {1: box(-2.4, -2.4, 2.4, 2.4)})
@@ -351,6 +362,7 @@ def test_nothing_is_overwritten_and_options_are_checked_as_usage(tmp_path: Path)
     assert invoke(command, *words, "-o", there, "--width", "wide").exit_code == 2
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program(tmp_path: Path) -> None:
     covered(tmp_path, EAST)
     search = [str(Path(uavseg.__file__).parents[1]), str(Path(__file__).parents[2] / "ros" / "uavseg_ros")]

@@ -171,6 +171,7 @@ def test_the_documentation_has_each_parameter_with_its_default_and_description()
     assert described == dict(descriptions())
 
 
+@pytest.mark.slow
 def test_the_programs_print_what_the_documentation_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -63,6 +63,7 @@ def test_the_path_is_that_of_the_command(tmp_path: Path, smooth: bool) -> None:
     np.testing.assert_allclose(places(message), line, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_paths_over_a_real_map_are_those_of_the_command(shared_data: Path, tmp_path: Path) -> None:
     path, out = shared_data / "maps" / "tb3_sandbox.yaml", tmp_path / "path.geojson"
     message, params = real_map(path), NodeParams(path_spacing=0)

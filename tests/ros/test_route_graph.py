@@ -138,6 +138,7 @@ def test_routes_are_as_short_as_the_paths_of_uavseg(tmp_path: Path) -> None:
         assert graph.length(start, goal) >= 0.98 * way.length_m  # others may join it
 
 
+@pytest.mark.slow
 def test_the_node_of_a_region_is_farthest_from_walls_and_from_its_edge(tmp_path: Path) -> None:
     graph = Graph(graph_of(tmp_path))
     free = rooms() == 0
@@ -301,6 +302,7 @@ def test_files_that_do_not_fit_are_refused_and_nothing_is_overwritten(tmp_path: 
     assert "has a CRS" in reason(regions, "--map", samples, "--radius", 1, "-o", tmp_path / "new.geojson")
 
 
+@pytest.mark.slow
 def test_the_module_runs_as_a_program_with_the_codes_of_uavseg(tmp_path: Path) -> None:
     map_, regions = map_file(tmp_path, rooms()), regions_file(tmp_path, REGIONS)
     program = [sys.executable, "-m", "uavseg_ros.route_graph", str(regions), "--map", str(map_)]

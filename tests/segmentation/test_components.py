@@ -107,6 +107,7 @@ def test_a_checkerboard_has_as_many_components_as_there_can_be(shape: tuple[int,
     assert count == board.sum() == labels.max()
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(
     st.integers(1, 40).flatmap(

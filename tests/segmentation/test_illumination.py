@@ -82,6 +82,7 @@ def _at(
     return average + float(trust) * (plane - average)
 
 
+@pytest.mark.slow
 @given(SEEDS, WIDTHS, st.integers(9, 170), st.integers(9, 170))
 def test_it_is_what_least_squares_give(seed: int, width: tuple[int, int], rows: int, cols: int) -> None:
     dataset = field_of(seed, (rows, cols))

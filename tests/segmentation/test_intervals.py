@@ -57,6 +57,7 @@ def test_a_width_that_is_none_is_refused(width: float) -> None:
         Levels(width)
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(st.one_of(st.floats(1 / 65535, 1), st.integers(1, 500).map(lambda k: 1 / k), st.just(0.1)))
 def test_levels_cover_everything_once(width: float) -> None:

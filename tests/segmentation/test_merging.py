@@ -1,11 +1,13 @@
 """Merging joins whole adjacent regions, keeps their histograms, and stops later with a larger stop."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 
 from uavseg.segmentation.lbpc import _merge_regions
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000), st.integers(2, 30))
 @settings(max_examples=50)
 def test_merging_never_splits_a_region_and_stops_later_with_a_larger_stop(seed: int, count: int) -> None:

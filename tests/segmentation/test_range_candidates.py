@@ -23,6 +23,7 @@ def histograms(draw: st.DrawFn) -> np.ndarray:
     return histogram
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(histograms(), st.sampled_from([None, 2, 3, 5, 8]))
 def test_no_range_is_empty(histogram: np.ndarray, count: int | None) -> None:

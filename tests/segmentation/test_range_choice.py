@@ -79,6 +79,7 @@ def test_a_class_then_its_complement_then_its_parts(seed: int) -> None:
     assert any(one.is_part for one in chosen(skewed(0)).ranges)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_list_of_a_negative_is_the_list_mirrored(seed: int) -> None:
     for v in (skewed(seed), squares(seed, 0.25), squares(seed, -0.25), overlapping(seed)):

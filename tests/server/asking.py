@@ -42,7 +42,7 @@ def surveyed(folder: Path) -> tuple[Path, Path]:
     mission, photographs = folder / "survey.plan", folder / "photographs"
     with warnings.catch_warnings(action="ignore"):
         region = uavseg.extract(SAMPLE, (0.55, 1), min_area=500).head(1)
-        planned = uavseg.plan(region, altitude=60, home="auto", camera="DJI Mavic 3 Enterprise")
+        planned = uavseg.plan(region, altitude=60, home="auto", angle=0, camera="DJI Mavic 3 Enterprise")
     planned.write(mission)
     count = planned.missions[0].estimate.photographs
     fly(mission, photographs, tuple(range(count // 3, 2 * count // 3)))

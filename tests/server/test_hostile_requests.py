@@ -216,7 +216,7 @@ def test_more_requests_with_the_token_than_there_are_places_are_refused(server: 
     try:
         for connection in held:
             connection.sendall(f"{head}Content-Length: 5\r\n\r\n1".encode())
-        for _ in range(200):  # until the last of them has its place
+        for _ in range(1000):  # until the last of them has its place
             found = fetch(server.url)
             if found[0] != 200:
                 break

@@ -59,6 +59,7 @@ def saved(server: MapServer, report: dict[str, Any], name: str) -> bytes:
     return content
 
 
+@pytest.mark.slow
 def test_exact_regions_are_those_of_extract(server: MapServer, tmp_path: Path) -> None:
     report = run_job(server.url, "extract", {"low": 0.55, "high": 0.9, "min_area": 300})
     expected = tmp_path / "regions.gpkg"
@@ -85,6 +86,7 @@ def test_regions_like_a_sample_are_those_of_match(server: MapServer, tmp_path: P
     assert saved(server, report, "regions.gpkg") == expected.read_bytes()
 
 
+@pytest.mark.slow
 def test_answers_about_a_place_are_samples_of_match(server: MapServer, tmp_path: Path) -> None:
     """The place is that of `ask=`, the answers are --like and --unlike; the place after them is the next."""
     with rasterio.open(SAMPLE) as file:
@@ -116,6 +118,7 @@ def test_answers_about_a_place_are_samples_of_match(server: MapServer, tmp_path:
     assert saved(server, report, "regions.gpkg") == target.read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", [pytest.param("auto", marks=pytest.mark.slow), [49.4586, -122.8276]])
 def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path) -> None:
     regions = run_job(server.url, "extract", {"low": 0.55, "high": 1, "min_area": 200})
@@ -143,6 +146,7 @@ def test_missions_are_those_of_plan(home: Any, server: MapServer, tmp_path: Path
     assert report["answer"]["missions"][0]["footprints"]
 
 
+@pytest.mark.slow
 def test_gaps_of_photographs_are_those_of_check(tmp_path: Path) -> None:
     mission, photographs = surveyed(tmp_path)
     gaps = tmp_path / "gaps.geojson"
@@ -162,6 +166,7 @@ def test_gaps_of_photographs_are_those_of_check(tmp_path: Path) -> None:
     assert found.area_m2.to_numpy() == pytest.approx(expected.area_m2.to_numpy())
 
 
+@pytest.mark.slow
 def test_photographs_without_a_mission_have_footprints_and_no_gaps(tmp_path: Path) -> None:
     _, photographs = surveyed(tmp_path)
     with warnings.catch_warnings(action="ignore"):
@@ -243,6 +248,7 @@ def test_what_is_not_there_is_404(path: str, server: MapServer) -> None:
     assert fetch(server.url + path)[0] == 404
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not TILES, reason="needs rio-tiler")
 def test_tiles_show_the_raster(server: MapServer) -> None:
     with rasterio.open(SAMPLE) as file:

@@ -35,6 +35,7 @@ def brute_force(space: FreeSpace, corners: list[tuple[float, float]]) -> float:
     return best[1]
 
 
+@pytest.mark.slow
 @given(st.lists(boxes, min_size=1, max_size=3))
 @settings(max_examples=30)
 def test_a_path_is_as_short_as_any_over_all_corners(obstacles: list[shapely.Polygon]) -> None:

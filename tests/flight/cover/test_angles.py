@@ -29,6 +29,7 @@ def length_from_home_m(flown: Survey) -> float:
     return float(np.hypot(*np.diff(xy, axis=0).T).sum()) + 10 * (len(xy) - 4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_no_whole_degree_is_cheaper_than_the_azimuth_that_is_found(name: str) -> None:
     def cost(angle: float | None) -> float:
@@ -38,11 +39,13 @@ def test_no_whole_degree_is_cheaper_than_the_azimuth_that_is_found(name: str) ->
     assert cost(None) <= min(cost(angle) for angle in range(0, 180, 5)) + 1e-6
 
 
+@pytest.mark.slow
 def test_the_first_survey_is_the_cheapest() -> None:
     found = surveys(SHAPES["L"], CoverParams(20, tries=30, home=HOME))
     assert length_from_home_m(found[0]) <= min(map(length_from_home_m, found)) + 20  # of both directions
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(find_spec("ortools") is None, reason="OR-tools is not installed")
 @pytest.mark.parametrize("seed", range(4))
 def test_orders_of_lines_are_within_two_per_cent_of_the_shortest(seed: int) -> None:
@@ -64,6 +67,7 @@ def test_groups_are_connected_nodes() -> None:
     assert sorted(map(sorted, closed_groups(5, [(0, 3), (3, 1), (2, 4)]))) == [[0, 1, 3], [2, 4]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_several_fields_take_no_longer_than_with_one_azimuth_for_all(seed: int) -> None:
     draw = np.random.default_rng(seed)

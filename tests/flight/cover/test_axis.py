@@ -31,6 +31,7 @@ def test_the_axis_of_a_strip_is_its_middle(width: float, length: float, turn: fl
     assert np.allclose(branch.radius_m, radius)
 
 
+@pytest.mark.slow
 def test_a_fork_has_three_branches_that_meet() -> None:
     branches = medial_axis(fork(), 5)
     assert len(branches) == 3

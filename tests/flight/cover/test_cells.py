@@ -17,6 +17,7 @@ def test_cells_partition_the_polygon(field: shapely.Polygon) -> None:
     assert shapely.union_all(cells).symmetric_difference(field).area < 1e-4
 
 
+@pytest.mark.slow
 @given(fields())
 @settings(max_examples=80)
 def test_every_line_meets_a_cell_in_one_piece(field: shapely.Polygon) -> None:

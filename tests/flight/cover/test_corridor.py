@@ -78,6 +78,7 @@ def test_straight_and_round_regions_are_not_bent() -> None:
     assert is_long_and_thin(SHAPES["spiral"], 10)
 
 
+@pytest.mark.slow
 def test_the_same_region_gives_the_same_lines() -> None:
     one, other = corridor(SHAPES["spiral"], 9), corridor(SHAPES["spiral"], 9)
     assert all(np.array_equal(a, b) for a, b in zip(one.lines, other.lines, strict=True))

@@ -1,6 +1,7 @@
 """Lines of one grid: they cover the polygon, a cell has one line in each strip, and they are few."""
 
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given, settings, strategies as st
 
@@ -17,6 +18,7 @@ def always(starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
     return np.ones(len(starts), bool)
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(4, 40), st.floats(0, 30), st.sampled_from([never, always]))
 @settings(max_examples=60)
 def test_lines_cover_the_polygon(field: shapely.Polygon, spacing: float, reach: float, joins: object) -> None:

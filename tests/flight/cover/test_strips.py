@@ -20,6 +20,7 @@ def uncovered(polygon: shapely.Polygon, lines: np.ndarray, spacing: float, reach
     return float(shapely.difference(polygon, shapely.union_all(swaths)).area / polygon.area)
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(4, 40), st.floats(0, 30))
 @settings(max_examples=60)
 def test_swaths_of_the_lines_cover_the_cell(field: shapely.Polygon, spacing: float, reach: float) -> None:

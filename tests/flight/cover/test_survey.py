@@ -64,6 +64,7 @@ def check(region: shapely.Polygon, flown: Survey, params: CoverParams) -> None:
         assert leg[-1].tolist() == flown.outer[k + 1, 0].tolist()
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(6, 40), st.sampled_from([0.0, 0.5, 1.1]), st.none() | st.floats(0, 180))
 @settings(max_examples=40)
 def test_random_fields_with_holes(
@@ -75,6 +76,7 @@ def test_random_fields_with_holes(
     assert angle is None or flown.angle_deg == pytest.approx(angle % 180)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("turn", [0, 20])
 def test_shapes_that_are_hard_to_cover(name: str, turn: float) -> None:
@@ -91,6 +93,7 @@ def test_a_rectangle_is_flown_along_its_long_side(turn: float) -> None:
     assert flown.length_m == pytest.approx(3 * 300 + 2 * 20)
 
 
+@pytest.mark.slow
 def test_large_fields_are_flown_in_little_more_than_their_area_by_the_spacing() -> None:
     for region, most in (
         (SHAPES["U"], 1.15),
@@ -111,6 +114,7 @@ def test_legs_go_around_obstacles() -> None:
     assert not any(shapely.LineString(leg).intersection(zone.buffer(-0.01)).length for leg in flown.legs)
 
 
+@pytest.mark.slow
 def test_the_same_region_gives_the_same_survey() -> None:
     one, other = (survey(SHAPES["holes"], CoverParams(9)) for _ in range(2))
     assert np.array_equal(one.lines, other.lines)
@@ -128,6 +132,7 @@ def test_more_lines_than_a_mission_holds_are_refused() -> None:
         survey(shapely.box(0, 0, 1000, 1000), CoverParams(0.01))
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(8, 40), st.none() | st.floats(0, 180))
 @settings(max_examples=15)
 def test_a_crosshatch_covers_twice_at_a_right_angle(
@@ -146,6 +151,7 @@ def test_a_crosshatch_covers_twice_at_a_right_angle(
         assert shapely.difference(field, shapely.union_all(swaths)).area <= 1e-3 * field.area
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(8, 40), st.floats(5, 60))
 @settings(max_examples=15)
 def test_turnarounds_are_straight_and_stay_near(field: shapely.Polygon, spacing: float, lead: float) -> None:

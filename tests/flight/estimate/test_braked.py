@@ -52,6 +52,7 @@ def test_a_brief_hold_leaves_more_way_than_a_long_one() -> None:
     assert times[0] != pytest.approx(times[3], abs=0.1)
 
 
+@pytest.mark.slow
 @given(
     key=st.sampled_from([key for key in NUMBERS if "_w" not in key and key != "battery_wh"]),
     factor=st.sampled_from([1e-6, 1e-3, 0.1, 10.0, 1e3, 1e6]),

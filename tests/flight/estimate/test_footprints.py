@@ -95,11 +95,12 @@ def test_the_gimbal_pitch_changes_during_the_flight() -> None:
         np.testing.assert_allclose(shown[[1, 2], axis], [100 + near, 100 + far], atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_survey_shows_its_regions() -> None:
     regions = uavseg.extract(SAMPLE, (0.55, 1), min_area=1000)
     with warnings.catch_warnings(action="ignore"):
         [mission] = uavseg.plan(
-            regions, home="auto", altitude=60, pattern="survey", camera="DJI Mavic 3"
+            regions, home="auto", altitude=60, angle=0, pattern="survey", camera="DJI Mavic 3"
         ).missions
     found = footprints(mission)
     assert len(found.lonlat) == mission.estimate.photographs > 50

@@ -1,13 +1,14 @@
 """Editable surveys of .plan files: the same flight, and every key that QGroundControl requires."""
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import given, settings, strategies as st
 
 from tests.flight.cover.cover_fields import fields
 from tests.flight.formats.mission_texts import plan_text
@@ -24,6 +25,7 @@ PHOTOS = Photos(camera_named("phantom 4 pro"))
 L_SHAPE = shapely.box(0, 0, 300, 80).union(shapely.box(0, 0, 80, 300))
 
 
+@cache
 def planned(*regions: shapely.Polygon, photos: Photos | None = PHOTOS, **words: Any) -> Mission:
     def degrees(xy: Any) -> Any:
         return np.column_stack(PLANE.lonlat_from_xy(*xy.T))
@@ -47,12 +49,13 @@ def flat(plan: dict[str, Any]) -> list[dict[str, Any]]:
     return items
 
 
-@given(field=fields())
+@pytest.mark.slow
+@given(field=fields(), angle_deg=st.sampled_from([0.0, 30.0, 107.0]))
 @settings(max_examples=25)
 def test_the_flown_items_are_the_same(
-    field: shapely.Polygon, tmp_path_factory: pytest.TempPathFactory
+    field: shapely.Polygon, angle_deg: float, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    mission = planned(field)
+    mission = planned(field, angle_deg=angle_deg)
     path = tmp_path_factory.getbasetemp() / "edit.plan"
     path.write_text(plan_text(mission, editable=True))
     assert flat(json.loads(path.read_text())) == flat(json.loads(plan_text(mission)))
@@ -112,6 +115,7 @@ def test_concave_fields_are_divided_and_what_stays_concave_is_single_items(tmp_p
     assert files.read_mission(tmp_path / "ring.plan") == mission
 
 
+@pytest.mark.slow
 def test_what_is_not_a_survey_cannot_be_edited(tmp_path: Path) -> None:
     visited = Mission(planned(L_SHAPE).home, planned(L_SHAPE).items)
     with pytest.warns(UserWarning, match="it has no survey lines"):
@@ -120,6 +124,7 @@ def test_what_is_not_a_survey_cannot_be_edited(tmp_path: Path) -> None:
         files.write_mission(visited, tmp_path / "fly.waypoints", editable=True)
 
 
+@pytest.mark.slow
 def test_mavsdk_reads_the_items_of_surveys(mavsdk_reader: Any, tmp_path: Path) -> None:
     mission = planned(shapely.box(20, 20, 320, 220), shapely.box(500, 20, 700, 220))
     assert len(survey_items(mission)) == 2

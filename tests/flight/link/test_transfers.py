@@ -29,6 +29,7 @@ from uavseg.flight.mission.items import (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", VEHICLES)
 @pytest.mark.parametrize("how", LOSSES, ids=lambda how: f"{how['loss']:.0%}")
 @pytest.mark.parametrize(

@@ -137,10 +137,11 @@ def on_a_grid(seed: int, count: int) -> tuple[Stops, np.ndarray, int]:
     return Stops.of([np.array([[n, n]] * 2) for n in range(count)]), distances, count
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([random_stops, near_stops, on_a_grid]),
     st.integers(0, 10**6),
-    st.integers(1, 75),
+    st.integers(1, 50),
     st.booleans(),
     st.booleans(),
 )

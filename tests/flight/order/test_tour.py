@@ -51,6 +51,7 @@ def test_few_stops_get_the_shortest_tour(
     assert cost(stops, distances, exact, start, end) == pytest.approx(expected)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(5, 9))
 @settings(max_examples=25)
 def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int) -> None:
@@ -62,6 +63,7 @@ def test_the_search_comes_near_the_exact_tour_of_few_stops(seed: int, count: int
     assert exact - 1e-9 <= searched <= 1.02 * exact
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 60), st.booleans())
 @settings(max_examples=25)
 def test_a_tour_visits_every_stop_once_and_is_always_the_same(seed: int, count: int, from_home: bool) -> None:

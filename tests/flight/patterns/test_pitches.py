@@ -109,6 +109,7 @@ def assert_seen_from_all_sides(
             assert not missed.any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "limits", [LimitParams(max_items=65_000), LimitParams(max_items=80), LimitParams(15, 10)]
 )
@@ -157,6 +158,7 @@ def test_lines_that_meet_leave_the_gimbal_no_time() -> None:
     assert with_pitch_points(same) is same
 
 
+@pytest.mark.slow
 def test_one_pitch_is_one_pass_as_a_number_or_alone() -> None:
     given = {"altitude": 60.0, "pattern": "survey", "camera": "phantom 4 rtk"}
     for pitch in (-90.0, -60.0):
@@ -276,6 +278,7 @@ def test_zones_beside_the_region_are_kept_out_of_and_named() -> None:
     assert not any("from all sides" in note for note in planned([FIELD], **survey()).notes)
 
 
+@pytest.mark.slow
 def test_terrain_is_followed_with_the_same_pitches(tmp_path: Path) -> None:
     dem = terrain_params(draw(tmp_path / "hills.tif", hills(15, 3)), "absolute", 2.0)
     field = degrees(shapely.box(100, 100, 300, 250), Plane(*DEM_HOME))

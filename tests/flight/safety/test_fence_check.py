@@ -63,6 +63,7 @@ def crossed(shape: Fence, mission: Mission) -> float:
     return float((~inside if shape.inclusion else inside).mean())
 
 
+@pytest.mark.slow
 @given(
     fence=fences.map(lambda shapes: [one for one in shapes if isinstance(one, FenceCircle)]),
     spots=st.lists(st.tuples(st.floats(-33.88, -33.82), st.floats(151.15, 151.25)), min_size=1, max_size=4),

@@ -35,6 +35,7 @@ def ring_of_boxes(radius_m: float, count: int) -> list[Any]:
     return [box(x - 4, y - 4, 8, 8) for x, y in xy.tolist()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corners", [100, pytest.param(1000, marks=pytest.mark.thorough), 20_000])
 def test_groups_of_any_size_give_a_place_at_the_usual_distance(
     corners: int, monkeypatch: pytest.MonkeyPatch

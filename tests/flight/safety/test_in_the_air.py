@@ -22,6 +22,7 @@ def every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log, "EVERY", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("autopilot", SIMULATED)
 @pytest.mark.parametrize("wind_m_s", [0.0, 8.0])
 @pytest.mark.parametrize("speed_m_s", [2.0, 5.0, 14.0, 20.0])
@@ -43,6 +44,7 @@ def test_a_vehicle_leaves_its_legs_by_less_than_the_bound(
         assert shapely.distance(legs, shapely.points(track)).max() < bound
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(list(SIMULATED)),
     st.sampled_from([0.0, 8.0]),

@@ -38,6 +38,7 @@ def blob(x: float, y: float, radius: float, seed: int) -> shapely.Polygon:
     return shapely.convex_hull(shapely.multipoints(ring)) if seed % 2 else shapely.Polygon(ring)
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.floats(-300, 300), st.floats(-300, 300), st.floats(10, 120)), min_size=1, max_size=4

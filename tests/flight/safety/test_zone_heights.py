@@ -36,6 +36,7 @@ discs = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(discs, st.integers(20, 100), st.sampled_from([0.0, 3.0, 10.0, 30.0]), st.integers(0, 10**6))
 @settings(max_examples=80, deadline=None)
 def test_a_flight_leads_over_zones_or_around_them_and_never_near(
@@ -62,6 +63,7 @@ def test_a_flight_leads_over_zones_or_around_them_and_never_near(
     assert len(told) == 1 and told[0].endswith("this one may, at 60 m") == over
 
 
+@pytest.mark.slow
 @given(discs, st.integers(0, 10**6), st.sampled_from([30.0, None]), st.sampled_from([0.0, 10.0]))
 @settings(max_examples=150, deadline=None)
 def test_check_finds_what_a_slow_plain_check_finds(
@@ -104,6 +106,7 @@ def test_where_it_lands_the_vehicle_is_on_the_ground(altitude_m: float, lands: b
     assert list(check.problems(Mission(HomePosition(*HOME), (up, landing))))
 
 
+@pytest.mark.slow
 @given(discs, st.integers(0, 10**6), st.sampled_from([0.0, 5.0, 30.0]))
 @settings(max_examples=80, deadline=None)
 def test_the_place_that_is_named_in_place_of_home_is_free_and_near(

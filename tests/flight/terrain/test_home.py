@@ -135,6 +135,7 @@ def test_only_ardupilot_knows_the_terrain_frame() -> None:
         PlanParams(60, autopilot="px4", terrain=terrain)
 
 
+@pytest.mark.slow
 def test_the_path_of_a_mission_knows_the_ground(tmp_path: Path) -> None:
     dem = Dem.open(draw(tmp_path / "slope.tif", plane(0.1, 0), half_m=2500.0, crs=32632))
     home = (HOME[0], HOME[1] + 0.001)

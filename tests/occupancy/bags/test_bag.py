@@ -193,6 +193,7 @@ def test_chunks_are_unpacked_within_bounds(name: str, bags: Path, monkeypatch: p
     assert "a chunk is cut off, or has more than" in refused(bags / name)
 
 
+@pytest.mark.slow
 def test_a_bomb_in_a_chunk_is_not_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bag, "MAX_CHUNK", 1 << 20)
     unpack = bag._bounded(bz2.BZ2Decompressor)

@@ -169,6 +169,7 @@ def far_from_walls(found: MergedBag) -> tuple[int, int]:
     return len(rows), int((~near).sum())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("topics", [BagTopics(), TF])
 def test_each_beam_of_a_turning_robot_has_its_own_pose(tmp_path: Path, topics: BagTopics) -> None:
     drive = Drive(laser=LASER, beam_ns=300_000, turning=1.5)
@@ -222,6 +223,7 @@ def test_an_increment_that_is_no_time_between_beams_moves_none(tmp_path: Path, i
     assert one.counts.without_end == said and len(one.warnings) == len(other.warnings) + bool(said)
 
 
+@pytest.mark.slow
 def test_a_scan_that_is_invalid_is_not_counted_among_those_without_an_end(tmp_path: Path) -> None:
     drive = Drive(beam_ns=400_000)
     scans = drive.recorded_scans()

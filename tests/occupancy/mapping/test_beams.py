@@ -127,6 +127,7 @@ def test_without_a_return_all_up_to_the_range_is_free() -> None:
     assert (grid.probabilities[1, 20:] == 0.5).all()
 
 
+@pytest.mark.slow
 @given(
     st.floats(-2, 9) | st.integers(-4, 18).map(lambda n: n / 2),
     st.floats(-2, 9) | st.integers(-4, 18).map(lambda n: n / 2),
@@ -189,6 +190,7 @@ def test_merging_is_adding_log_odds_beam_by_beam(scan: Scan) -> None:
     assert (grid.probabilities[(odds == 0) & sure] == 0.5).all()
 
 
+@pytest.mark.slow
 @given(st.lists(scans(), min_size=2, max_size=4), st.randoms(use_true_random=False))
 @settings(max_examples=40)
 def test_the_order_of_scans_matters_only_at_the_clamp(taken: list[Scan], random: object) -> None:
@@ -209,6 +211,7 @@ def test_the_order_of_scans_matters_only_at_the_clamp(taken: list[Scan], random:
     assert max(np.abs(grid.log_odds).max() for grid in grids) <= 6
 
 
+@pytest.mark.slow
 @given(unaligned_scans(), st.integers(1, 3))
 @settings(max_examples=40)
 def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
@@ -218,6 +221,7 @@ def test_a_turned_scan_makes_a_turned_map(scan: Scan, quarters: int) -> None:
     np.testing.assert_allclose(turned.log_odds, np.rot90(grid.log_odds, quarters), atol=1e-4)
 
 
+@pytest.mark.slow
 @given(unaligned_scans(), st.floats(-180, 180), st.floats(-50, 50))
 @settings(max_examples=30)
 def test_a_map_turned_with_its_sensor_is_the_same_map(scan: Scan, turn: float, shift: float) -> None:

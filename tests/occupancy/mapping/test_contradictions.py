@@ -61,6 +61,7 @@ def test_what_moved_away_is_gone_after_three_scans_that_see_through_it() -> None
     assert left[0] == left[1] == held.sum() and left[3] == 0
 
 
+@pytest.mark.slow
 def test_no_wall_is_cleared_where_plain_log_odds_clear_some() -> None:
     known, cleared, stray = cleared_cells({"forget_after": 3}, 600, warm=100)
     assert known > 1000 and cleared == 0

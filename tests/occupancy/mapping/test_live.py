@@ -104,6 +104,7 @@ steps = st.lists(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     st.integers(0, 2**32),

@@ -72,6 +72,7 @@ def test_a_number_comes_back_at_its_place_for_some_updates() -> None:
     assert tracks.update(box).appeared == (2,)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 99999))
 @settings(max_examples=40, deadline=None)
 def test_no_number_is_used_twice_and_changes_tell_all(seed: int) -> None:
@@ -109,5 +110,6 @@ def test_a_live_map_tells_its_changes() -> None:
         live.changes(4)
 
 
+@pytest.mark.slow
 def test_identities_over_sixty_updates_of_a_drawn_scene() -> None:
     assert identity_score(1, 60) >= 0.99

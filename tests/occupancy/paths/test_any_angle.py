@@ -40,6 +40,7 @@ def touched(one: Cell, other: Cell) -> set[Cell]:
     return found
 
 
+@pytest.mark.slow
 @given(MASKS, st.data())
 @settings(max_examples=300)
 def test_a_leg_is_allowed_if_all_cells_that_it_touches_are_passable(

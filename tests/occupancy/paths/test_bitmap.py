@@ -1,6 +1,7 @@
 """Bitmaps: every cell in its bit, transposition, dead-end filling."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
@@ -17,6 +18,7 @@ def unpack(bits: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return (words >> (cols % 64).astype(np.uint64)) & np.uint64(1) > 0
 
 
+@pytest.mark.slow
 @given(MASKS)
 def test_a_packed_mask_is_unpacked_equal_and_has_an_impassable_frame(mask: np.ndarray) -> None:
     bits = pack_mask(mask)
@@ -44,6 +46,7 @@ def without_dead_ends(mask: np.ndarray, kept: set[tuple[int, int]]) -> np.ndarra
         found[1:-1, 1:-1] &= ~dead
 
 
+@pytest.mark.slow
 @given(SMALL, st.data())
 @settings(max_examples=300)
 def test_dead_ends_are_filled_to_the_next_fork_and_nothing_else(

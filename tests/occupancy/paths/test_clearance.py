@@ -27,6 +27,7 @@ def cells_with_clearance(mask: np.ndarray, metres: float, width: float = 1, heig
     return np.asarray(mask & is_at_least(clearance(mask, width, height), metres))
 
 
+@pytest.mark.slow
 @given(MASKS)
 @settings(max_examples=200)
 def test_square_cells_have_the_distances_of_the_plain_definition_exactly(mask: np.ndarray) -> None:
@@ -35,12 +36,14 @@ def test_square_cells_have_the_distances_of_the_plain_definition_exactly(mask: n
     assert np.abs(doubled - np.rint(doubled)).max() < 1e-9
 
 
+@pytest.mark.slow
 @given(MASKS, st.floats(0.1, 10), st.floats(0.1, 10))
 @settings(max_examples=200)
 def test_cells_may_be_longer_than_wide(mask: np.ndarray, width: float, height: float) -> None:
     assert clearance(mask, width, height) == pytest.approx(plain(mask, width, height), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 5))])
 def test_scipy_agrees_on_large_maps(seed: int) -> None:
     """On a grid twice as fine: centres of cells are odd, impassable cells are drawn with their edges."""

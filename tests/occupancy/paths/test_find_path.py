@@ -50,6 +50,7 @@ def found(p: np.ndarray, params: PathParams, reverse: bool = False) -> PlannedPa
         return None
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 2**32), st.booleans())
 def test_a_path_leads_over_free_cells_and_is_as_long_in_reverse(seed: int, smooth: bool) -> None:

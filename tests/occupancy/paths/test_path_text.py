@@ -52,6 +52,7 @@ def test_positions_have_the_decimals_that_cells_need(side: float, decimals: int)
     assert max(len(repr(x).partition(".")[2]) for x in line.ravel().tolist()) == decimals
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(CORNERS, st.floats(-180, 180), st.floats(-60, 60))
 def test_a_line_in_degrees_is_as_long_as_the_path_and_never_jumps(
@@ -97,6 +98,7 @@ def test_a_map_of_the_moon_has_no_degrees_of_the_earth() -> None:
         check_path_crs(GeoBox((9, 9), Affine(1, 0, 0, 0, -1, 9), crs))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.lists(st.tuples(st.integers(0, 99), st.integers(0, 199)), min_size=1, max_size=12, unique=True),

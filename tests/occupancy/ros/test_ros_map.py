@@ -58,6 +58,7 @@ THRESHOLDS = st.one_of(
 )
 
 
+@pytest.mark.slow
 @given(BYTES, st.sampled_from(["trinary", "scale", "raw", "Scale"]), st.integers(0, 1), THRESHOLDS)
 @settings(max_examples=120)
 def test_cells_are_those_of_nav2(
@@ -73,6 +74,7 @@ def test_cells_are_those_of_nav2(
     assert (found.probabilities == odds.astype(np.float32)).all()
 
 
+@pytest.mark.slow
 @given(st.data(), st.sampled_from(["trinary", "scale", "raw"]), st.integers(0, 1))
 @settings(max_examples=40)
 def test_pixels_that_are_not_opaque_are_unknown_except_in_raw(

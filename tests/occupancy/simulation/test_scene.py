@@ -34,6 +34,7 @@ def test_from_inside_a_circle_every_beam_hits_it() -> None:
     np.testing.assert_allclose(Scene(circles=[(0, 0, 2)]).cast(0, 0, np.linspace(-3, 3, 9)), 2)
 
 
+@pytest.mark.slow
 @given(PLACES, PLACES, st.integers(0, 360))
 @settings(max_examples=60)
 def test_polygons_are_hit_where_shapely_says(x: float, y: float, first: int) -> None:

@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import uavseg
 from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, SAMPLE, has_playwright
 
 
+@cache
 def has_axe() -> bool:
     """Whether node finds playwright-core and axe-core (through NODE_PATH)."""
     words = [str(NODE), "-e", "require.resolve('axe-core')"]
@@ -43,7 +45,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = Path(os.environ.get("UAVSEG_SCREENSHOTS") or tmp_path_factory.mktemp("access"))
     regions = uavseg.extract(SAMPLE, (0.552, 0.9), min_area=200)
     with warnings.catch_warnings(action="ignore"):
-        mission = uavseg.plan(regions, home="auto", altitude=60, pattern="survey", camera="DJI Mavic 3")
+        mission = uavseg.plan(regions, home="auto", altitude=60, angle=0, camera="DJI Mavic 3")
         uavseg.map_page(SAMPLE, folder / "access.html", regions=regions, mission=mission, overwrite=True)
         server = uavseg.serve(SAMPLE)  # without rio-tiler there are no tiles
     with server:

@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ EVIL = "</script><img src=x onerror=alert(1)><b class=injected>&amp;"
 REQUIRED = bool(os.environ.get("UAVSEG_REQUIRE_CHROMIUM"))  # a failure where it is not there, not a skip
 
 
+@cache
 def has_playwright() -> bool:
     """Whether node finds playwright-core (through NODE_PATH)."""
     if NODE is None or CHROMIUM is None:

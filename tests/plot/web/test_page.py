@@ -89,6 +89,7 @@ def squares(rows: int, cols: int) -> geopandas.GeoDataFrame:
     return geopandas.GeoDataFrame({"id": range(1, len(places) + 1)}, geometry=places, crs=32610)
 
 
+@pytest.mark.slow
 def test_large_regions_are_packed_and_small_ones_are_not(tmp_path: Path) -> None:
     for count, is_packed in ((10, False), (100, True)):
         regions, path = squares(count, count), tmp_path / f"{count}.html"
@@ -247,7 +248,7 @@ def _text(value: Any) -> str:
     return ",".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-@pytest.mark.parametrize("kind", ["frame", "geojson", "gpkg"])
+@pytest.mark.parametrize("kind", ["frame", pytest.param("geojson", marks=pytest.mark.slow), "gpkg"])
 @pytest.mark.parametrize("name", READINGS)
 def test_the_slider_shows_the_intensity_of_the_regions(name: str, kind: str, tmp_path: Path) -> None:
     reading, raster = READINGS[name], write_bands(tmp_path / "x.tif")

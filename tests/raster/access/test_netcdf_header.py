@@ -74,6 +74,7 @@ def test_a_file_of_gdal_is_read(written: Path) -> None:
     assert np.array_equal(values[0].ravel(), np.arange(3000, dtype=np.uint8))
 
 
+@pytest.mark.slow
 @given(st.integers(4, 1500), st.integers(0, 255))
 @settings(max_examples=200)
 def test_a_changed_byte_is_refused_or_asks_for_no_more_than_the_file_holds(

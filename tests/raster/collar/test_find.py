@@ -35,6 +35,7 @@ def notes(dataset: Dataset) -> str:
     return " ".join(dataset.warnings)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dtype", [np.uint8, pytest.param(np.uint16, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("bands", [1, pytest.param(3, marks=pytest.mark.slow), 4])
 @pytest.mark.parametrize("color", ["black", "white"])
@@ -123,6 +124,7 @@ def test_a_sharp_edge_of_nodata_stays_as_it_is(tmp_path: Path) -> None:
     assert cleaned(path).collar is None and not cleaned(path).warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "side", [(64, 64), *(pytest.param(side, marks=pytest.mark.slow) for side in [(128, 192), (512, 64)])]
 )

@@ -26,6 +26,7 @@ def pixels(draw):
     return draw(hnp.arrays(dtype, shape, elements=numbers))
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(pixels(), st.floats(-300, 300), st.floats(1e-3, 5e4))
 def test_grey_is_the_formula_to_the_last_bit(values, low, width):

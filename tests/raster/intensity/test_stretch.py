@@ -40,6 +40,7 @@ def rasters(draw):
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(rasters(), st.sampled_from(PERCENTS[:4]), st.sampled_from(PERCENTS[4:]))
 def test_percentiles_are_nearest_ranks_exactly(write_raster, pixels, low, high):
@@ -48,6 +49,7 @@ def test_percentiles_are_nearest_ranks_exactly(write_raster, pixels, low, high):
     assert (stretch.low, stretch.high) == (nearest_rank(numbers, low), nearest_rank(numbers, high))
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(rasters(), st.integers(1, 15))
 def test_percentiles_are_those_of_numpy(write_raster, pixels, eighths):

@@ -77,6 +77,7 @@ def cases(draw: st.DrawFn) -> tuple[NDArray, ValueRange]:
     return image, ValueRange(None if kind == "high" else ends[0], None if kind == "low" else ends[1])
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(cases(), st.sampled_from(["auto", "minmax"]))
 def test_the_pixels_selected_are_those_whose_value_lies_in_the_range(
@@ -234,6 +235,7 @@ def test_values_too_far_apart_for_a_stretch_are_refused() -> None:
         fit_values(dataset, parse_stretch("auto"), ValueRange(50, 100, True), TilePass(dataset.windows()))
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.lists(st.integers(-20, 20).map(lambda n: n / 10), min_size=2, max_size=6, unique=True),

@@ -122,6 +122,7 @@ def test_wrong_names_are_refused(given_names: str, words: str) -> None:
         renamed(layout([""] * 4), given_names)
 
 
+@pytest.mark.slow
 @given(st.lists(st.text(max_size=30), min_size=1, max_size=6), st.text(max_size=20))
 def test_whatever_a_file_says_messages_are_one_line(descriptions: list[str], name: str) -> None:
     bands = layout(descriptions)

@@ -41,6 +41,7 @@ def by_python(text: str, red: int, nir: int) -> float:
         return float(eval(text, scope | {"abs": np.abs, "min": np.minimum, "max": np.maximum}))
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(expressions(), st.lists(st.tuples(st.integers(0, 255), st.integers(0, 255)), min_size=1, max_size=6))
 def test_values_are_those_of_python(text: str, pixels: list[tuple[int, int]]) -> None:

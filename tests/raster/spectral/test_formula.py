@@ -36,6 +36,7 @@ def ndvi(planes: np.ndarray) -> np.ndarray:
         return ((nir - red) / (nir + red)).astype(np.float32)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(arrays(np.float64, (7, 1, 20), elements=st.integers(0, 10_000).map(float)))
 def test_an_index_with_limits_never_leaves_them(planes: np.ndarray) -> None:

@@ -3,6 +3,7 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 
@@ -25,6 +26,7 @@ def borders(labels: Labels) -> dict[tuple[int, int], int]:
     return dict(zip(map(tuple, pairs.tolist()), lengths.tolist(), strict=True))
 
 
+@pytest.mark.slow
 @given(label_images())
 @settings(max_examples=80)
 def test_lengths_count_the_edges_between_adjacent_pixels(labels: Labels) -> None:

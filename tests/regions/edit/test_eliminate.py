@@ -209,6 +209,7 @@ def test_merged_segments_are_those_of_brute_force(seed: int, limit: int) -> None
     assert np.array_equal(found.rings.labels, again.labels)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 60))
 @settings(max_examples=60)
 def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit: int) -> None:
@@ -225,6 +226,7 @@ def test_no_pixel_is_lost_and_small_segments_have_no_neighbour(seed: int, limit:
     assert (sizes[np.unique(pairs) - 1] >= limit).all()
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.integers(1, 10**9), st.fractions(0, 65535)), min_size=3, max_size=3))
 @settings(max_examples=300)
 def test_means_are_compared_exactly(segments: list[tuple[int, Fraction]]) -> None:

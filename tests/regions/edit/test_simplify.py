@@ -54,6 +54,7 @@ def test_no_region_vanishes_overlaps_or_becomes_invalid(labels, place, metres):
     assert shapely.area(simpler.polygons).sum() == pytest.approx(together, rel=1e-9)
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from([0.3, 1, 3]))
 @settings(max_examples=40)
 def test_vertices_are_a_subset_of_the_original_ones(labels, metres):

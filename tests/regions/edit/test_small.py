@@ -230,6 +230,7 @@ def filled_by_force(labels: Labels, limit: float) -> Labels:
     return by_size(result)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 10**6), st.integers(0, 30))
 def test_filled_holes_are_those_of_brute_force(seed: int, limit: int) -> None:

@@ -203,6 +203,7 @@ def changes(content: bytes, seed: int, count: int) -> Iterator[bytes]:
             yield content[:at] + bytes([flipped]) + content[at + 1 :]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "count"),
     [

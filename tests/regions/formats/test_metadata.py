@@ -111,6 +111,7 @@ def test_every_job_that_makes_regions_says_how(
         assert expected.items() <= about_file("r.fgb").metadata.items()
 
 
+@pytest.mark.slow
 def test_a_block_map_and_both_faces_say_the_same(tile: Path) -> None:
     with chdir(tile):
         run("extract", "a b.tif", "--range", "0.5,1", "-o", "r.fgb")

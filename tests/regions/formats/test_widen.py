@@ -34,6 +34,7 @@ def inside(found: Regions, lon: Any, lat: Any) -> np.ndarray:
 longitudes = st.sampled_from([-180.0, 179.99999, 0.0, 8.5]) | st.floats(-180, 180)
 
 
+@pytest.mark.slow
 @given(longitudes, st.floats(-89.5, 89.5), st.floats(0.5, 3000), st.integers(0, 10**6))
 @settings(max_examples=60, deadline=None)
 def test_a_point_is_a_disc_of_its_diameter(lon: float, lat: float, width: float, seed: int) -> None:
@@ -44,6 +45,7 @@ def test_a_point_is_a_disc_of_its_diameter(lon: float, lat: float, width: float,
         assert (inside(found, ends[0], ends[1]) == expected).all()
 
 
+@pytest.mark.slow
 @given(longitudes, st.floats(-80, 80), st.integers(0, 10**6), st.floats(10, 300))
 @settings(max_examples=60, deadline=None)
 def test_a_line_is_a_strip_of_its_width(lon: float, lat: float, seed: int, width: float) -> None:

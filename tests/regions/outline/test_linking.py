@@ -31,6 +31,7 @@ def equal(one: Rings, other: Rings) -> bool:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(label_images(), st.integers(1, 5), st.integers(1, 5), st.randoms())
 def test_tiles_of_any_size_in_any_order_link_to_the_same_rings(

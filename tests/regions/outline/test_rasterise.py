@@ -27,6 +27,7 @@ def with_long_edges(seed: int) -> Labels:
     return np.kron(blocks, np.ones((97, 23), np.int64)).astype(np.uint32)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(label_images(), st.data())
 def test_rasterising_undoes_tracing(labels: Labels, data: st.DataObject) -> None:

@@ -61,6 +61,7 @@ def test_selected_rings_are_those_of_an_image_with_the_selected_labels(
     assert equal(without_nodes(selected), without_nodes(expected))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(label_images())
 def test_selecting_all_rings_changes_nothing(labels: Labels) -> None:
@@ -81,6 +82,7 @@ def test_reordering_back_and_forth_changes_nothing(labels: Labels, random: objec
     assert np.array_equal(vertices, rings.vertices) and np.array_equal(starts, rings.starts)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["outline.rings", "shapes", "table", "formats.read", "formats.export"])
 def test_rings_tables_and_files_of_regions_load_no_tracer(module: str) -> None:
     program = f"import sys, uavseg.regions.{module}; print(*sys.modules)"

@@ -1,6 +1,7 @@
 """Stitching: tiles of any size give the outlines and sums of the whole image."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from scipy.ndimage import label as connected
@@ -58,6 +59,7 @@ def by_size(mask: Image) -> NDArray[np.uint32]:
     return number[apart]
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from([64, 128, 256]))
 @settings(max_examples=40)
 def test_stitched_tiles_are_the_components_of_the_whole(seed: int, side: int) -> None:

@@ -151,6 +151,7 @@ def test_an_empty_image_has_no_outline(empty: tuple[int, int]) -> None:
 # Laws
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", range(0, 240, 40))
 def test_outlines_are_those_of_rasterio(first: int) -> None:
     for seed in range(first, first + 40):
@@ -158,6 +159,7 @@ def test_outlines_are_those_of_rasterio(first: int) -> None:
         assert as_text(polygons(trace(labels))) == as_text(of_rasterio(labels)), seed
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(label_images())
 def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
@@ -166,6 +168,7 @@ def test_outlines_of_small_images_are_those_of_rasterio(labels: Labels) -> None:
     assert as_text(found) == as_text(of_rasterio(labels))
 
 
+@pytest.mark.slow
 @settings(max_examples=100)
 @given(label_images())
 def test_regions_are_a_valid_coverage(labels: Labels) -> None:
@@ -174,6 +177,7 @@ def test_regions_are_a_valid_coverage(labels: Labels) -> None:
     assert shapely.coverage_is_valid([shapely.MultiPolygon(polygons) for polygons in parts.values()])
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(label_images())
 def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None:
@@ -193,6 +197,7 @@ def test_every_ring_is_simple_and_begins_where_it_should(labels: Labels) -> None
         assert shapely.is_ccw(seen) != exterior
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(label_images())
 def test_a_turned_or_mirrored_image_gives_turned_or_mirrored_outlines(labels: Labels) -> None:

@@ -32,6 +32,7 @@ def best_name(evidence: Evidence) -> str:
     return max(OUTLINES, key=lambda name: log_evidence(OUTLINES[name], evidence)[0])
 
 
+@pytest.mark.slow
 @settings(max_examples=8, deadline=None)
 @given(
     st.sampled_from(sorted(SHAPES)),

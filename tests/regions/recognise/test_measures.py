@@ -51,6 +51,7 @@ def test_fourier_coefficients_of_an_ellipse_are_its_axes() -> None:
     assert np.abs(found[1::2]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_fourier_coefficients_are_those_of_the_integral() -> None:
     """Compare harmonic 2 with a plain sum over a densely sampled contour, before normalisation."""
     ring = ELL.exterior
@@ -79,6 +80,7 @@ def test_angles_are_clockwise_from_north(turn_deg: float) -> None:
     assert (found["length_m"], found["width_m"]) == pytest.approx((10, 2))
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.floats(0, 180), st.booleans(), st.booleans())
 def test_measures_are_those_of_regionprops_on_fine_pixels(turn: float, holed: bool, split: bool) -> None:

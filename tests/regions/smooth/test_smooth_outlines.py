@@ -76,6 +76,7 @@ def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None
     assert np.array_equal(burnt, labels)
 
 
+@pytest.mark.slow
 @given(pictures())
 @settings(max_examples=60)
 def test_neighbours_share_every_border(labels: Labels) -> None:
@@ -116,6 +117,7 @@ def test_a_moved_picture_has_moved_outlines(labels: Labels, down: int, across: i
     assert np.array_equal(here.starts, there.starts)
 
 
+@pytest.mark.slow
 @given(pictures())
 @settings(max_examples=60)
 def test_an_outline_is_the_same_from_both_sides(labels: Labels) -> None:
@@ -220,6 +222,7 @@ def test_a_raster_too_large_for_whole_steps_is_refused() -> None:
         smooth_outlines(trace(disc(4)), 1, box((10, 2**23)))
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from([0.2, 1, 4]))
 @settings(max_examples=40)
 def test_smooth_outlines_can_be_simplified(labels: Labels, metres: float) -> None:

@@ -52,6 +52,7 @@ def assert_same(first: RegionOutlines, second: RegionOutlines) -> None:
             assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seeds, ends)
 def test_one_class_gives_the_regions_of_its_range(seed: int, some: list[float]) -> None:
@@ -74,6 +75,7 @@ def test_tiles_and_workers_change_nothing(seed: int, side: Any, run: Any) -> Non
     assert np.array_equal(found_kinds, classes) and set(classes) == {1, 2, 3}
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(seeds, ends)
 def test_levels_over_all_values_cover_each_valid_pixel_once(seed: int, some: list[float]) -> None:

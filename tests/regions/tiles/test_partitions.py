@@ -85,8 +85,9 @@ def regions_of(outlined: RegionOutlines) -> Iterator[Region]:
         yield (*shape, exteriors, *known)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from(SIDES), st.sampled_from(SIDES))
-@settings(max_examples=60)
+@settings(max_examples=25)
 def test_the_regions_of_all_partitions_are_those_of_the_raster(
     sourced: Sourced, seed: int, side: int, tile: int
 ) -> None:
@@ -100,6 +101,7 @@ def test_the_regions_of_all_partitions_are_those_of_the_raster(
     assert sorted(found) == sorted(regions_of(whole))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from(SIDES[:3]))
 @settings(max_examples=20)
 def test_a_region_is_of_the_partition_of_its_first_pixel_and_the_largest_comes_first(
@@ -114,6 +116,7 @@ def test_a_region_is_of_the_partition_of_its_first_pixel_and_the_largest_comes_f
             assert np.array_equal(order, np.arange(len(order)))
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @settings(max_examples=20)
 def test_tiles_and_threads_change_nothing(sourced: Sourced, seed: int) -> None:

@@ -242,6 +242,7 @@ def test_sums_are_recovered_from_the_outlines(sourced: Sourced, seed: int, side:
     assert same(RegionOutlines(found.rings, again), found)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)), st.sampled_from(SIDES))
 def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
@@ -262,6 +263,7 @@ def test_cells_alone_tiles_and_the_whole_give_the_same_regions(
         assert same(RegionOutlines(cells.rings, sums), pixels)
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.integers(0, 10**6), st.tuples(st.integers(1, 280), st.integers(1, 280)))
 def test_the_first_place_of_a_region_of_cells_is_the_first_pixel_that_it_encloses(

@@ -212,6 +212,7 @@ def test_a_local_crs_is_refused():
         to_wgs84.wgs84_geometries(regions)
 
 
+@pytest.mark.slow
 def test_the_edge_of_a_projection_is_refused():
     regions = regions_of([[1]], Affine(36e6, 0, -18e6, 0, -18e6, 9e6), "ESRI:54009")
     with pytest.raises(OutputError, match="past the edge"):

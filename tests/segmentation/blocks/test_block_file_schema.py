@@ -40,7 +40,13 @@ def saved() -> SavedBlocks:
     )
 
 
-@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name in ("rows", "stretch", "nodata") else pytest.mark.slow)
+        for name in WRONG
+    ],
+)
 def test_a_value_of_another_kind_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -57,6 +63,7 @@ def test_a_value_of_another_kind_is_refused(
         assert name in str(caught.value) or "cells do not cover" in str(caught.value)
 
 
+@pytest.mark.slow
 def test_a_description_that_is_no_object_is_refused(
     tmp_path: Path, saved: SavedBlocks, monkeypatch: pytest.MonkeyPatch
 ) -> None:

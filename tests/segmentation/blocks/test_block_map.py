@@ -76,6 +76,7 @@ def number_of_leaves(side: NDArray[np.uint8]) -> float:
     return float(((8.0 / side) ** 2).sum())
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, thresholds, steps)
 def test_leaves_are_those_of_a_plain_recursion(seed: int, X: float, tau: float) -> None:
@@ -86,6 +87,7 @@ def test_leaves_are_those_of_a_plain_recursion(seed: int, X: float, tau: float) 
     assert np.array_equal(mean, plain_mean)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, thresholds, steps)
 def test_leaves_cover_every_cell_once_with_the_mean_of_their_pixels(seed: int, X: float, tau: float) -> None:
@@ -190,6 +192,7 @@ ends = st.tuples(
 ).filter(lambda pair: pair[0] < pair[1])
 
 
+@pytest.mark.slow
 @settings(max_examples=200)
 @given(seeds, ends, thresholds, steps)
 def test_required_ratios_are_enough_for_a_range(

@@ -62,6 +62,7 @@ def test_they_are_those_of_a_plain_loop(blocks: BlockMap) -> None:
     assert pairs.cells[0] > 0 and pairs.histogram().sum() == pairs.cells.sum()
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(maps())
 def test_contrasts_are_those_of_the_definition(blocks: BlockMap) -> None:

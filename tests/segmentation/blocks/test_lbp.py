@@ -64,6 +64,7 @@ def plain_symbols(
     return np.where(counted, 8 * code + level, 65535)
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(nine_greys)
 def test_contrast_is_the_floor_of_the_exact_fraction(nine: list[int]) -> None:
@@ -149,6 +150,7 @@ def test_a_turned_image_has_the_same_contrasts(turn: object) -> None:
         assert np.array_equal(contrast_histogram(grey, valid), contrast_histogram(*turned))
 
 
+@pytest.mark.slow
 @settings(max_examples=150)
 @given(st.lists(st.one_of(st.integers(0, 6), st.sampled_from([0, 0, 65535])), max_size=60))
 def test_a_bin_edge_is_the_smallest_contrast_with_enough_pixels_at_or_below_it(contrasts: list[int]) -> None:

@@ -130,6 +130,7 @@ def test_scan_works_in_place() -> None:
     assert refine_by_scans(inside, np.ones_like(inside), picture("##......")) is inside
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(seeds, st.tuples(st.integers(1, 60), st.integers(1, 60)))
 def test_smoothing_is_a_local_mean(seed: int, shape: tuple[int, int]) -> None:
@@ -174,6 +175,7 @@ def crop_agrees(how: str, seed: int, margin: int) -> bool:
     return np.array_equal(refine(how, *(image[around] for image in case))[core], whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["scan", "smooth"])
 @settings(max_examples=60)
 @given(seeds)

@@ -83,6 +83,7 @@ def plain_kinds_without_specks(classes: NDArray[np.uint8], valid: NDArray[np.uin
     return result
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 100_000), st.sampled_from([2, 3, 6]))
 def test_specks_of_several_kinds_are_those_of_plain_arrays(seed: int, classes: int) -> None:

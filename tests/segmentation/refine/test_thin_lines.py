@@ -140,6 +140,7 @@ def test_lines_in_noise_are_found_and_little_else(width: int, noise: float, reca
     assert single.sum() > 20 * (found & ~near).sum()  # pixels alone would be many
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grain", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (0.6, 1.5))])
 def test_noise_alone_has_almost_no_lines(grain: float) -> None:
     rng = np.random.default_rng(1)

@@ -4,6 +4,7 @@ from types import ModuleType
 from unittest.mock import patch
 
 import numpy as np
+import pytest
 from hypothesis import given, settings, strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -41,6 +42,7 @@ def refined(valid: Image, grey: Grey, interval: IntensityRange = MIDDLE) -> Imag
     return refine_by_tv(in_range_of(valid, grey, interval), valid, grey, interval.greys)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 4), st.integers(1, 5)))
 def test_the_kernels_agree_with_plain_arrays(

@@ -24,6 +24,7 @@ def scene(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return values, similarity, rng.normal(middle, 0.5, 50)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10_000))
 def test_no_other_interval_agrees_better(seed: int) -> None:
     values, similarity, own = scene(seed)

@@ -137,6 +137,7 @@ def test_windows_of_the_models_own_source_score_as_under_the_null_hypothesis(man
     assert (other.min() - float(NULL_SCORE)) / SCORE_UNITS > 0.3
 
 
+@pytest.mark.slow
 @given(most=st.integers(1, 900), share=st.floats(0.001, 0.5))
 @settings(max_examples=30)
 def test_expected_g_is_interpolated_closely(most: int, share: float) -> None:

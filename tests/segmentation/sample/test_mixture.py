@@ -98,6 +98,7 @@ def test_a_sample_of_a_rare_kind_that_is_not_wanted_finds_no_more_of_the_rest(se
         assert similarity[1200:1400].mean() > 0.8 > 0.2 > np.delete(similarity, np.s_[1200:1400]).mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_rare_kind_has_a_component_that_begins_at_its_sample(seed: int) -> None:
     """One point in 200, beside a kind that none of the mixtures parts from it."""

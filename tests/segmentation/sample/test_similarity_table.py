@@ -46,6 +46,7 @@ def test_a_kind_of_three_is_likely_and_the_others_are_not(bands: int) -> None:
     assert table.sample_mean > 0.8 and table.raster_mean == pytest.approx(found.mean() / 65535)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 1000), st.sampled_from([1, 2, 3]))
 @settings(max_examples=20)
 def test_bands_are_looked_up_by_the_bin_that_each_lies_in(seed: int, bands: int) -> None:
@@ -59,6 +60,7 @@ def test_bands_are_looked_up_by_the_bin_that_each_lies_in(seed: int, bands: int)
         assert found[r, c] == cube[tuple(np.clip(places, 0, bins - 1).astype(int))]
 
 
+@pytest.mark.slow
 def test_bands_that_are_scaled_or_moved_change_little() -> None:
     raster, sample = colors(3, 3)
     plain = SimilarityTable.fit(raster, sample).apply(list(np.ascontiguousarray(raster.T)[:, None]))

@@ -42,6 +42,7 @@ def plainly(
     return sorted(found)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.sampled_from([8.0, 12.0, 16.0, 23.5]), st.sampled_from([0.0, 0.4]))
 @settings(max_examples=8)
 def test_a_plain_search_finds_the_same(seed: int, radius: float, least: float) -> None:

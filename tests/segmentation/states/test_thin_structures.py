@@ -114,6 +114,7 @@ def test_every_cell_of_a_trinary_map_stays_what_it_is(seed: int, shape: tuple[in
     assert found.pixels == {state: int((found.image.read() == state).sum()) for state in range(4)}
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 10**6))
 def test_no_obstacle_of_three_cells_above_the_noise_is_lost(seed: int) -> None:
