@@ -322,8 +322,8 @@ def test_a_raster_without_crs_takes_an_area_without_one(tmp_path: Path) -> None:
 
 def test_a_file_of_regions_has_no_part(tmp_path: Path) -> None:
     area = write_area(tmp_path / "area.gpkg", shapely.box(0, 0, 1, 1))
-    for how in ({"bounds": (0, 0, 1, 1)}, {"aoi": area}):
-        with pytest.raises(UavsegError, match="bounds, aoi and skip_bad_tiles are for rasters"):
+    for how in ({"bounds": (0, 0, 1, 1)}, {"aoi": area}, {"warp": True}):
+        with pytest.raises(UavsegError, match="bounds, aoi, warp and skip_bad_tiles are for rasters"):
             uavseg.info(area, **how)  # type: ignore[arg-type]
 
 
