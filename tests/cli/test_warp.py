@@ -136,9 +136,9 @@ def test_a_part_of_it_has_the_pixels_of_the_whole() -> None:
 
 
 def test_a_summary_names_the_files_that_are_warped_and_the_line_to_try_warps_them() -> None:
-    told = json.loads(done("info", "left.tif", "right.tif", "--warp", "--json").stdout)
-    assert [one for one in told["warnings"] if one.startswith(NOTE)]
-    assert told["command"].startswith("uavseg extract left.tif right.tif --warp --range")
+    summary = json.loads(done("info", "left.tif", "right.tif", "--warp", "--json").stdout)
+    assert [one for one in summary["warnings"] if one.startswith(NOTE)]
+    assert summary["command"].startswith("uavseg extract left.tif right.tif --warp --range")
     assert NOTE in done("info", "left.tif", "right.tif", "--warp").stdout
     with pytest.warns(UserWarning, match="read by nearest neighbour on the pixel grid of left"):
         uavseg.extract(["left.tif", "right.tif"], (0.7, 1), warp=True)

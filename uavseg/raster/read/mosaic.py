@@ -150,16 +150,16 @@ def _geobox(file: RasterSource) -> GeoBox:
     return GeoBox(file.shape, file.transform, file.crs)
 
 
-def _origin(files: Sequence[GeoBox], boxes: Boxes) -> Affine:
+def _origin(grids: Sequence[GeoBox], boxes: Boxes) -> Affine:
     """Return the transform of the common grid, by files at its edges: neither order nor rounding moves it."""
-    t = Affine(*min(tuple(file.transform)[:6] for file in files))
+    t = Affine(*min(tuple(grid.transform)[:6] for grid in grids))
     if t.b == 0 == t.d:
-        c = min(file.transform.c for file, box in zip(files, boxes, strict=True) if box[1] == 0)
-        f = min(file.transform.f for file, box in zip(files, boxes, strict=True) if box[0] == 0)
+        c = min(grid.transform.c for grid, box in zip(grids, boxes, strict=True) if box[1] == 0)
+        f = min(grid.transform.f for grid, box in zip(grids, boxes, strict=True) if box[0] == 0)
         return Affine(t.a, t.b, c, t.d, t.e, f)
     first = int(np.lexsort(boxes.T[::-1])[0])
     row, col = boxes[first, :2].tolist()
-    return shifted(files[first].transform, -row, -col)
+    return shifted(grids[first].transform, -row, -col)
 
 
 def _placed(
@@ -258,8 +258,10 @@ class PartReader:
             if not missing.any():
                 continue
             read = partial(self._read_part, file)
-            how = part, missing.shape
-            pixels, valid, bad = read(*how) if warp is None else warp.read(*how, read, values)
+            if warp is None:
+                pixels, valid, bad = read(part, missing.shape)
+            else:
+                pixels, valid, bad = warp.read(part, missing.shape, read, values)
             for block, place in bad:
                 if missing[place].any():  # no earlier file has these pixels
                     bad_blocks.record_bad_block(block)
