@@ -10,8 +10,8 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
-from uavseg.jobs.maps.explore import Explored, explore as run_explore, explore_request
-from uavseg.jobs.maps.next_view import NextViews, next_views as run_next_views, view_request
+from uavseg.jobs.maps.explore import Explored, explore as run_explore
+from uavseg.jobs.maps.next_view import NextViews, next_views as run_next_views
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.options.maps import ExploreOptions, NextViewOptions
 from uavseg.options.option import build
@@ -92,7 +92,7 @@ def next_views(
     options = build(NextViewOptions, locals())
     with allowing(allow_path, allow_network):
         opened = open_probability_map(source, options.read)
-        found = run_next_views(opened, view_request(options), work(options.run, progress))
+        found = run_next_views(opened, options, work(options.run, progress))
     warn(found.warnings)
     return found
 
@@ -143,6 +143,6 @@ def explore(
     """
     options = build(ExploreOptions, locals() | {"scene": os.fspath(scene)})
     with allowing(allow_path, allow_network):
-        found = run_explore(options.scene, explore_request(options))
+        found = run_explore(options)
     warn(found.warnings)
     return found

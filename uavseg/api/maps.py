@@ -14,7 +14,7 @@ from uavseg.jobs.maps.build_map import BuiltMap, build_map as run_build_map, mer
 from uavseg.jobs.maps.classify import Classification, classify as run_classify, classify_request
 from uavseg.jobs.maps.compare import Comparison, compare as run_compare, compare_job, open_both
 from uavseg.jobs.maps.mask import FilterMask, mask as run_mask
-from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest, merge_maps as run_merge_maps
+from uavseg.jobs.maps.merge_maps import MergedMap, merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
@@ -386,7 +386,7 @@ def merge_maps(
     """
     with allowing(allow_path, allow_network):
         several = maps if isinstance(maps, list | tuple) else [maps]
-        result = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
+        result = run_merge_maps(several, crop, unrotate, resolution)
     warn(result.warnings)
     return result
 

@@ -54,7 +54,7 @@ def merge_maps(options: MergeMapsOptions) -> None:
     first MAP, as far as all of them reach. Where maps differ, the value farthest from 0.5 counts; what is
     occupied in one of them is occupied. Turning and other resolutions lose no obstacle.
     """
-    from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
+    from uavseg.jobs.maps.merge_maps import merge_maps
     from uavseg.occupancy.map_file import check_map_path, shares_of
     from uavseg.occupancy.ros.ros_map import placement
 
@@ -63,9 +63,8 @@ def merge_maps(options: MergeMapsOptions) -> None:
     files = check_map_path(target, overwrite, mode)
     keep_inputs(files, *options.maps)
     creation_of(options.creation, {target: "float32"})
-    request = MergeRequest(options.crop, options.unrotate, options.resolution)
     with showing_phases(reporter.quiet):
-        found = merge_maps(options.maps, request)
+        found = merge_maps(options.maps, options.crop, options.unrotate, options.resolution)
     reporter.finish(found.warnings)
     with transaction():
         found.write(target, overwrite, options.creation.creation_options, mode)
@@ -115,7 +114,7 @@ def simulate(options: SimulateOptions) -> None:
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.jobs.maps.build_map import SimulateRequest, simulate
+    from uavseg.jobs.maps.build_map import simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.geotiff import write_geotiff
@@ -127,15 +126,7 @@ def simulate(options: SimulateOptions) -> None:
     keep_inputs([path for path in (output, png, truth) if path], scene)
     outputs = _check_targets(output, png, truth, overwrite)
     creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
-    request = SimulateRequest(
-        options.seed,
-        options.poses,
-        sigma_m=options.sigma,
-        max_range_m=options.max_range,
-        fov_deg=options.fov,
-        step_deg=options.step,
-    )
-    found = simulate(scene, request)
+    found = simulate(options)
     grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
     tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():

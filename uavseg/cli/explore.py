@@ -23,7 +23,7 @@ def command(options: ExploreOptions) -> None:
     The scene is that of `uavseg simulate`, or MAP: a robot's map (YAML or raster), whose free cells the robot
     may enter and whose others are solid. It knows nothing of them but what it scans, every 0.25 m.
     """
-    from uavseg.jobs.maps.explore import explore, explore_request
+    from uavseg.jobs.maps.explore import explore
     from uavseg.occupancy.map_file import write_map
     from uavseg.plot.drive_animation import write_animation
 
@@ -31,7 +31,7 @@ def command(options: ExploreOptions) -> None:
     overwrite = options.files.overwrite
     _check_targets(options)
     with showing_phases(reporter.quiet):
-        found = explore(options.scene, explore_request(options))
+        found = explore(options)
     reporter.finish(found.warnings)
     with write.transaction():
         write.write_text(options.output, found.to_geojson(), overwrite)
@@ -80,19 +80,19 @@ def next_view(options: NextViewOptions) -> None:
     of free and unknown ones; the best begins a short tour through all of them, which ends where unknown space
     goes on farthest.
     """
-    from uavseg.jobs.maps.next_view import next_views, view_request
+    from uavseg.jobs.maps.next_view import check_view, next_views
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_text import check_path_crs
     from uavseg.output.atomic import check_target
 
     reporter = Reporter(options.messages, options.progress)
-    request = view_request(options)
+    check_view(options)
     if options.output != "-":
         check_target(options.output, options.files.overwrite)
     write.keep_inputs([options.output], options.map_)
     source = open_probability_map(options.map_, options.read)
     check_path_crs(source.geobox)
-    found = next_views(source, request, work_of(options.run, reporter))
+    found = next_views(source, options, work_of(options.run, reporter))
     reporter.finish(found.warnings)
     write.write_text(options.output, found.to_geojson(), options.files.overwrite)
     for rank, view in enumerate(found.views, start=1):
