@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any
+from functools import wraps
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.access import allowing
+from uavseg.arguments import checked
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
@@ -20,6 +22,24 @@ if TYPE_CHECKING:
 
     from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
     from uavseg.options.running import RunOptions
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def job_function(function: F) -> F:
+    """Make a public function of one that answers with a value that has warnings, and takes what is allowed.
+
+    Its arguments are checked, files may name what they allow, and its caller is warned.
+    """
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        with allowing(given.get("allow_path", ()), given.get("allow_network", False)):
+            answer = function(*args, **given)
+        warn(answer.warnings)
+        return answer
+
+    return checked(call)  # type: ignore[return-value]
 
 
 def work(run: RunOptions, progress: Progress | bool | None = None) -> Work:

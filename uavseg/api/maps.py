@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import job_function, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.maps.build_map import BuiltMap, build_map as run_build_map, merge_params, topics_of
@@ -24,7 +24,7 @@ from uavseg.options.regions import CompareOptions
 from uavseg.regions.edit.small import as_area
 
 
-@checked
+@job_function
 def classify(
     source: Any,
     *,
@@ -104,11 +104,8 @@ def classify(
     (512, [512])
     """
     options = build(ClassifyOptions, locals())
-    with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, options.read)
-        result = run_classify(opened, classify_request(options, True), work(options.run, progress))
-    warn(result.warnings)
-    return result
+    opened = open_probability_map(source, options.read)
+    return run_classify(opened, classify_request(options, True), work(options.run, progress))
 
 
 @checked
@@ -274,7 +271,7 @@ def build_map(
     return result
 
 
-@checked
+@job_function
 def compare(
     before: Any,
     after: Any,
@@ -334,14 +331,11 @@ def compare(
     """
     options = build(CompareOptions, locals())
     job, least = compare_job(options), as_area(min_area)
-    with allowing(allow_path, allow_network):
-        sources = open_both(before, after, job, options.read)
-        result = run_compare(*sources, job, least, work(options.run, progress))
-    warn(result.warnings)
-    return result
+    sources = open_both(before, after, job, options.read)
+    return run_compare(*sources, job, least, work(options.run, progress))
 
 
-@checked
+@job_function
 def merge_maps(
     maps: Any,
     *,
@@ -384,14 +378,11 @@ def merge_maps(
     UavsegError
         If a map cannot be read, or a parameter is wrong.
     """
-    with allowing(allow_path, allow_network):
-        several = maps if isinstance(maps, list | tuple) else [maps]
-        result = run_merge_maps(several, crop, unrotate, resolution)
-    warn(result.warnings)
-    return result
+    several = maps if isinstance(maps, list | tuple) else [maps]
+    return run_merge_maps(several, crop, unrotate, resolution)
 
 
-@checked
+@job_function
 def mask(
     regions: Any,
     map: Any,
@@ -427,7 +418,4 @@ def mask(
     UavsegError
         If the regions or the map cannot be read, they do not touch it, or the speed is no per cent.
     """
-    with allowing(allow_path, allow_network):
-        result = run_mask(regions, map, speed, layer)
-    warn(result.warnings)
-    return result
+    return run_mask(regions, map, speed, layer)

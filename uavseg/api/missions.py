@@ -6,8 +6,8 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
-from uavseg.access import Folders, allowing
-from uavseg.api._values import listed_zones, progress_of, warn
+from uavseg.access import Folders
+from uavseg.api._values import job_function, listed_zones, progress_of, warn
 from uavseg.arguments import checked
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission.mission import Mission
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 
-@checked
+@job_function
 def plan(
     regions: str | os.PathLike[str] | bytes | GeoDataFrame,
     *,
@@ -243,17 +243,14 @@ def plan(
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
     options = build(PlanOptions, locals() | {"avoid": listed_zones(avoid)})
-    with allowing(allow_path, allow_network):
-        request = plan_request(options)
-        found = open_regions(regions, layer, widths_of(request.flight))
-        source = None if raster is None else open_source(raster)
-        zones, notes = zone_polygons(options.mission.safety, source)
-        planned = run_plan(found, request, zones, source, notes)
-    warn(planned.warnings)
-    return planned
+    request = plan_request(options)
+    found = open_regions(regions, layer, widths_of(request.flight))
+    source = None if raster is None else open_source(raster)
+    zones, notes = zone_polygons(options.mission.safety, source)
+    return run_plan(found, request, zones, source, notes)
 
 
-@checked
+@job_function
 def check(
     mission: str | os.PathLike[str] | Mission,
     *,
@@ -332,10 +329,7 @@ def check(
     ()
     """
     options = build(CheckOptions, locals() | {"avoid": listed_zones(avoid)})
-    with allowing(allow_path, allow_network):
-        result = run_check(mission, check_request(options))
-    warn(result.warnings)
-    return result
+    return run_check(mission, check_request(options))
 
 
 @checked

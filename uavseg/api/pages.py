@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import job_function, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
@@ -105,7 +105,7 @@ def _within(context: Context, site: Site, method: str, path: str, body: bytes) -
     return context.copy().run(site.answer, method, path, body)
 
 
-@checked
+@job_function
 def serve(
     source: Any,
     *,
@@ -169,11 +169,8 @@ def serve(
     options = build(ServeOptions, locals())
     request = FieldMapRequest(options.division.segment_params(), size)
     run = thread_pool(threads)
-    with allowing(allow_path, allow_network):
-        raster = open_source(source, options.read)
-        server = MapServer(raster, request, Work(tile, run, run), port, photos, mission)
-    warn(server.warnings)
-    return server
+    raster = open_source(source, options.read)
+    return MapServer(raster, request, Work(tile, run, run), port, photos, mission)
 
 
 @checked

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import progress_of, warn
+from uavseg.api._values import job_function, progress_of, warn
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
@@ -77,7 +77,7 @@ def footprints(
     return found.regions.frame()
 
 
-@checked
+@job_function
 def georeference(
     photographs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     output: str | os.PathLike[str],
@@ -127,8 +127,4 @@ def georeference(
     UavsegError
         If the elevation model cannot be read, a parameter is wrong, or the map may not be written.
     """
-    options = build(GeoreferenceOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_georeference(photographs, options, progress_of(progress))
-    warn(found.warnings)
-    return found
+    return run_georeference(photographs, build(GeoreferenceOptions, locals()), progress_of(progress))
