@@ -10,7 +10,7 @@ from uavseg.options.maps import BuildMapOptions, MaskOptions, MergeMapsOptions, 
 
 
 @job_command("build-map", BuildMapOptions)
-def command(options: BuildMapOptions) -> None:
+def command(options: BuildMapOptions, reporter: Reporter) -> None:
     """Merge the scans of a recorded BAG into a map, each beam at the pose of the sensor at its time.
 
     BAG is a .bag of ROS 1, or a folder, a .mcap or a .db3 of ROS 2; ROS itself is not needed
@@ -25,7 +25,6 @@ def command(options: BuildMapOptions) -> None:
     from uavseg.jobs.maps.build_map import build_map, merge_params, topics_of
     from uavseg.occupancy.map_file import check_map_path, shares_of
 
-    reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
     files = check_map_path(target, overwrite, mode)
     folder = Path(options.bag)
@@ -47,7 +46,7 @@ def command(options: BuildMapOptions) -> None:
 
 
 @job_command("merge-maps", MergeMapsOptions)
-def merge_maps(options: MergeMapsOptions) -> None:
+def merge_maps(options: MergeMapsOptions, reporter: Reporter) -> None:
     """Merge MAPs that lie in one frame into one; a single MAP may be cropped and turned.
 
     A MAP is the YAML file of a ROS map, or a raster of probabilities in metres. The cells are those of the
@@ -58,7 +57,6 @@ def merge_maps(options: MergeMapsOptions) -> None:
     from uavseg.occupancy.map_file import check_map_path, shares_of
     from uavseg.occupancy.ros.ros_map import placement
 
-    reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
     files = check_map_path(target, overwrite, mode)
     keep_inputs(files, *options.maps)
@@ -79,7 +77,7 @@ def merge_maps(options: MergeMapsOptions) -> None:
 
 
 @job_command("mask", MaskOptions)
-def mask(options: MaskOptions) -> None:
+def mask(options: MaskOptions, reporter: Reporter) -> None:
     """Make a mask of REGIONS for a costmap filter of Nav2: a robot keeps out of them, or is slower in them.
 
     REGIONS are polygons in the coordinates of the map, such as uavseg describe or a GIS writes. Every cell
@@ -88,7 +86,6 @@ def mask(options: MaskOptions) -> None:
     """
     from uavseg.jobs.maps import mask as job
 
-    reporter = Reporter(options.messages)
     found = job.mask(options.regions, options.map, options.speed, options.layer)
     files = job.check_mask_path(options.output, found.geobox, options.files.overwrite)
     keep_inputs(files, options.regions, options.map)
@@ -104,7 +101,7 @@ def mask(options: MaskOptions) -> None:
 
 
 @job_command("simulate", SimulateOptions)
-def simulate(options: SimulateOptions) -> None:
+def simulate(options: SimulateOptions, reporter: Reporter) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
     lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
@@ -120,7 +117,6 @@ def simulate(options: SimulateOptions) -> None:
     from uavseg.raster.formats.geotiff import write_geotiff
     from uavseg.raster.formats.png import write_png
 
-    reporter = Reporter(options.messages)
     output, png, truth = options.output, options.png, options.truth
     scene, overwrite = options.scene, options.files.overwrite
     keep_inputs([path for path in (output, png, truth) if path], scene)

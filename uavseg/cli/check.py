@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @job_command("check", CheckOptions)
-def command(options: CheckOptions) -> None:
+def command(options: CheckOptions, reporter: Reporter) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
@@ -26,7 +26,7 @@ def command(options: CheckOptions) -> None:
     """
     from uavseg.jobs.flights.check import check, check_request
 
-    quiet, gaps = Reporter(options.messages).quiet, options.gaps
+    quiet, gaps = reporter.quiet, options.gaps
     if gaps is not None:
         keep_inputs(
             [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.poses.camera
@@ -91,7 +91,7 @@ def _coverage_rows(about: dict[str, Any]) -> dict[str, str]:
 
 
 @job_command("upload", UploadOptions)
-def upload(options: UploadOptions) -> None:
+def upload(options: UploadOptions, reporter: Reporter) -> None:
     """Send the mission in FILE (.plan or .waypoints) to a vehicle with its fence and rally points, read them
     back and compare.
 
@@ -104,7 +104,6 @@ def upload(options: UploadOptions) -> None:
     from uavseg.jobs.flights.link import LinkRequest, upload
     from uavseg.output.disk import noted_stream
 
-    reporter = Reporter(options.messages, options.progress)
     request = LinkRequest(options.link.connect, options.link.timeout)
     with noted_stream("the mission of the vehicle"):
         done = upload(options.file, request, reporter.progress, options.while_armed)
@@ -123,7 +122,7 @@ def vehicle_report(mission: "Mission", vehicle: str) -> str:
 
 
 @job_command("download", DownloadOptions)
-def download(options: DownloadOptions) -> None:
+def download(options: DownloadOptions, reporter: Reporter) -> None:
     """Read the mission that a vehicle holds, with its fence and rally points, to a file.
 
     The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
@@ -132,7 +131,6 @@ def download(options: DownloadOptions) -> None:
     from uavseg.jobs.flights.link import LinkRequest, download
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
     check_mission_format(output)
     check_target(output, overwrite)

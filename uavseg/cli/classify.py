@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @job_command("classify", ClassifyOptions)
-def command(options: ClassifyOptions) -> None:
+def command(options: ClassifyOptions, reporter: Reporter) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
 
     MAP is a raster of probabilities, integers from 0 to the largest of their type or floats from 0 to 1, or
@@ -36,7 +36,6 @@ def command(options: ClassifyOptions) -> None:
     from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import check_region_crs
 
-    reporter = Reporter(options.messages, options.progress)
     target = options.output or f"{Path(options.path).stem}.states.tif"
     request = classify_request(options)
     creation = write.creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
@@ -95,7 +94,7 @@ def _rows(found: "Classification", limits: "StateLimits", target: str, objects: 
 
 
 @job_command("describe", DescribeOptions)
-def describe(options: DescribeOptions) -> None:
+def describe(options: DescribeOptions, reporter: Reporter) -> None:
     """Measure the shape, texture and bands of REGIONS, or of the occupied objects of MAP.
 
     REGIONS is a file of polygons, such as `uavseg extract` writes. MAP is a raster of probabilities or the
@@ -103,15 +102,16 @@ def describe(options: DescribeOptions) -> None:
     """
     from uavseg.jobs.maps.recognition import described
 
-    run_described(options, described)
+    run_described(options, reporter, described)
 
 
-def run_described(options: Any, job: Callable[..., Any], library: str | None = None) -> None:
+def run_described(
+    options: Any, reporter: Reporter, job: Callable[..., Any], library: str | None = None
+) -> None:
     """Run a job that gives described regions and write them; with a library, count their names."""
     from uavseg.regions.formats import export
 
     target, overwrite = options.output, options.files.overwrite
-    reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
     write.keep_inputs([target], options.source, options.raster, library)
     found = job(options, work_of(options.run, reporter))
@@ -125,7 +125,7 @@ def run_described(options: Any, job: Callable[..., Any], library: str | None = N
 
 
 @job_command("recognise", RecogniseOptions)
-def recognise(options: RecogniseOptions) -> None:
+def recognise(options: RecogniseOptions, reporter: Reporter) -> None:
     """Name REGIONS, or the occupied objects of MAP, by the nearest described examples of a library.
 
     The outline of each example is fitted to what was seen of an object, by position, rotation and size.
@@ -139,4 +139,4 @@ def recognise(options: RecogniseOptions) -> None:
         raise click.UsageError("--learn NAME and --ids N,... belong together")
     if (options.output is None) == (options.learn is None):
         raise click.UsageError("give either -o PATH, to name regions, or --learn NAME, to add examples")
-    run_described(options, recognised, options.library)
+    run_described(options, reporter, recognised, options.library)

@@ -9,7 +9,7 @@ from uavseg.options.regions import CompareOptions
 
 
 @job_command("compare", CompareOptions)
-def command(options: CompareOptions) -> None:
+def command(options: CompareOptions, reporter: Reporter) -> None:
     """Find what changed from BEFORE to AFTER, two rasters or two maps of probabilities of one place.
 
     With a range or classes, as of `uavseg extract`: what was gained and lost, on the finer of their grids.
@@ -20,7 +20,6 @@ def command(options: CompareOptions) -> None:
     from uavseg.regions.edit.small import as_area
     from uavseg.regions.formats import export
 
-    reporter = Reporter(options.messages, options.progress)
     output, png, overwrite = options.output, options.png, options.files.overwrite
     job, least = compare_job(options), as_area(options.min_area)
     write.check_targets(output, None, overwrite)

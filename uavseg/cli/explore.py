@@ -17,7 +17,7 @@ _LINES = (".geojson", ".json", ".yaml", ".yml")
 
 
 @job_command("explore", ExploreOptions)
-def command(options: ExploreOptions) -> None:
+def command(options: ExploreOptions, reporter: Reporter) -> None:
     """Explore a scene with a laser range finder: scan, go to the next view, until all is known.
 
     The scene is that of `uavseg simulate`, or MAP: a robot's map (YAML or raster), whose free cells the robot
@@ -27,7 +27,6 @@ def command(options: ExploreOptions) -> None:
     from uavseg.occupancy.map_file import write_map
     from uavseg.plot.drive_animation import write_animation
 
-    reporter = Reporter(options.messages)
     overwrite = options.files.overwrite
     _check_targets(options)
     with showing_phases(reporter.quiet):
@@ -73,7 +72,7 @@ def _check_targets(options: ExploreOptions) -> None:
 
 
 @job_command("next-view", NextViewOptions)
-def next_view(options: NextViewOptions) -> None:
+def next_view(options: NextViewOptions, reporter: Reporter) -> None:
     """Find the poses from which a robot at --pose would see what is unknown in MAP, the best first.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. Views stand on free cells and see borders
@@ -85,7 +84,6 @@ def next_view(options: NextViewOptions) -> None:
     from uavseg.occupancy.paths.path_text import check_path_crs
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
     check_view(options)
     if options.output != "-":
         check_target(options.output, options.files.overwrite)
@@ -105,7 +103,7 @@ def next_view(options: NextViewOptions) -> None:
 
 
 @job_command("path", PathOptions)
-def path(options: PathOptions) -> None:
+def path(options: PathOptions, reporter: Reporter) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
@@ -118,7 +116,6 @@ def path(options: PathOptions) -> None:
     from uavseg.occupancy.ros.ros_map import is_ros_map
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
     write.check_ranges(options.ranges, {})
     request, flight = path_request(options), _flight(options)

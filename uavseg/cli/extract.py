@@ -20,7 +20,7 @@ _LISTED = 12  # classes in the table at the end
 
 
 @job_command("extract", ExtractOptions)
-def command(options: ExtractOptions) -> None:
+def command(options: ExtractOptions, reporter: Reporter) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names), ITEM.json#ASSET (of STAC) or -
@@ -35,7 +35,6 @@ def command(options: ExtractOptions) -> None:
     from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import is_region_folder
 
-    reporter = Reporter(options.messages, options.progress)
     job = region_job(options)
     _check_classes(options, _class_names(job.request))
     if write.answer_each(options, job, ".regions.geojson", reporter):

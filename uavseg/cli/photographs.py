@@ -7,7 +7,7 @@ from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 
 
 @job_command("footprints", FootprintsOptions)
-def footprints(options: FootprintsOptions) -> None:
+def footprints(options: FootprintsOptions, reporter: Reporter) -> None:
     """Draw the ground that each PHOTO (a file, or a folder with its subfolders) shows.
 
     Position, height, angles of the camera and focal length are those of the EXIF and XMP tags of DJI, Autel,
@@ -18,7 +18,6 @@ def footprints(options: FootprintsOptions) -> None:
     from uavseg.regions.formats import export
 
     target, overwrite = options.output, options.files.overwrite
-    reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
     write.keep_inputs([target], options.poses.dem, options.poses.camera)
     found = job.footprints(options.photographs, options, reporter.progress)
@@ -33,7 +32,7 @@ def footprints(options: FootprintsOptions) -> None:
 
 
 @job_command("georeference", GeoreferenceOptions)
-def georeference(options: GeoreferenceOptions) -> None:
+def georeference(options: GeoreferenceOptions, reporter: Reporter) -> None:
     """Make a map of PHOTOs (files, or folders with their subfolders) by their pose, without photogrammetry.
 
     Tags are read as by `uavseg footprints`. Each pixel is of the photograph whose camera is nearest; ground
@@ -42,7 +41,6 @@ def georeference(options: GeoreferenceOptions) -> None:
     """
     from uavseg.jobs.flights import photographs as job
 
-    reporter = Reporter(options.messages, options.progress)
     found = job.georeference(options.photographs, options, reporter.progress)
     reporter.finish(found.warnings)
     rows, cols = found.geobox.shape

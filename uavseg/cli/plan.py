@@ -14,7 +14,7 @@ from uavseg.options.missions import ResumeOptions
 
 
 @job_command("plan", PlanOptions)
-def command(options: PlanOptions) -> None:
+def command(options: PlanOptions, reporter: Reporter) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
@@ -27,7 +27,6 @@ def command(options: PlanOptions) -> None:
     from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages)
     output, overwrite, avoid = options.output, options.files.overwrite, options.mission.safety.avoid
     if options.footprints and not options.as_json:
         raise click.UsageError("--footprints are a part of --json; give both")
@@ -58,7 +57,7 @@ def command(options: PlanOptions) -> None:
 
 
 @job_command("resume", ResumeOptions)
-def resume(options: ResumeOptions) -> None:
+def resume(options: ResumeOptions, reporter: Reporter) -> None:
     """Plan the rest of MISSION (any file that uavseg check reads), whose flight was cut.
 
     Take off as before, fly to the last photograph, take it again, and go on with what is left; camera,
@@ -68,7 +67,7 @@ def resume(options: ResumeOptions) -> None:
     from uavseg.jobs.flights.resume import resume
     from uavseg.output.atomic import check_target
 
-    quiet, output, overwrite = Reporter(options.messages).quiet, options.output, options.files.overwrite
+    quiet, output, overwrite = reporter.quiet, options.output, options.files.overwrite
     files.file_options(output, **asdict(options.mission_files))
     check_target(output, overwrite)
     keep_inputs([output], options.file, options.start if isinstance(options.start, str) else None)

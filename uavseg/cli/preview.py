@@ -17,7 +17,7 @@ _LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
 
 
 @job_command("preview", PreviewOptions)
-def command(options: PreviewOptions) -> None:
+def command(options: PreviewOptions, reporter: Reporter) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) as a PNG picture, three bands in their
     colours and one in grey, with a scale bar and what is named: the outlines and ids of regions, the legs of
     missions in their order with their fence, the states or the levels of segments, the contours of labels,
@@ -31,7 +31,6 @@ def command(options: PreviewOptions) -> None:
     drawn with free cells black and occupied ones white (--stretch none, where it holds floats and neither
     --states nor --path are given).
     """
-    reporter = Reporter(options.messages)
     missions = _missions_alone(options)
     if missions:
         _draw_missions(missions, options, reporter)
