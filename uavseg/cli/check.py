@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, say, show, showing_phases
-from uavseg.cli.write import keep_inputs, write_mission_output
+from uavseg.cli.write import check_output, keep_inputs, write_mission_output
 from uavseg.errors import MissionError
 from uavseg.options.missions import CheckOptions, DownloadOptions, UploadOptions
 
@@ -129,11 +129,10 @@ def download(options: DownloadOptions, reporter: Reporter) -> None:
     """
     from uavseg.flight.formats.files import check_mission_format
     from uavseg.jobs.flights.link import LinkRequest, download
-    from uavseg.output.atomic import check_target
 
     output, overwrite = options.output, options.files.overwrite
     check_mission_format(output)
-    check_target(output, overwrite)
+    check_output(output, overwrite)
     found = download(LinkRequest(options.link.connect, options.link.timeout), reporter.progress)
     unwritten = write_mission_output(found.mission, output, overwrite)
     reporter.finish((*found.warnings, *unwritten))

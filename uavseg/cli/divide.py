@@ -27,14 +27,12 @@ def command(options: DivideOptions, reporter: Reporter) -> None:
     """
     from uavseg.jobs.divide import divide
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
 
     output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters
     check_block_map_name(output)
     creation = write.creation_of(options.creation, {output: "uint32"})
-    check_target(output, overwrite)
-    write.keep_inputs([output], rasters)
+    write.check_output(output, overwrite, rasters)
     segment = options.division.segment_params()
     found = divide(open_source(rasters, options.read), segment, work_of(options.run, reporter))
     write_block_map(output, found.saved, segment.division, overwrite, creation)
@@ -123,7 +121,6 @@ def original(options: OriginalOptions, reporter: Reporter) -> None:
     """
     from uavseg.jobs.original import original
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.grid.tiling import Window
     from uavseg.segmentation.lbpc import LbpcParams
@@ -133,8 +130,7 @@ def original(options: OriginalOptions, reporter: Reporter) -> None:
     request = LbpcParams(stop=options.merge_stop, **{name: getattr(options, name) for name in names})
     check_geotiff_name(output, "a label raster")
     creation = write.creation_of(options.creation, {output: "uint32"})
-    check_target(output, overwrite)
-    write.keep_inputs([output], rasters)
+    write.check_output(output, overwrite, rasters)
     found = original(open_source(rasters, options.read), request, work_of(options.run, reporter))
     geobox = found.source.geobox
     tiles = [(Window(0, 0, *geobox.shape), found.labels)]

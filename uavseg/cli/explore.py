@@ -82,12 +82,9 @@ def next_view(options: NextViewOptions, reporter: Reporter) -> None:
     from uavseg.jobs.maps.next_view import check_view, next_views
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_text import check_path_crs
-    from uavseg.output.atomic import check_target
 
     check_view(options)
-    if options.output != "-":
-        check_target(options.output, options.files.overwrite)
-    write.keep_inputs([options.output], options.map_)
+    write.check_output(options.output, options.files.overwrite, options.map_)
     source = open_probability_map(options.map_, options.read)
     check_path_crs(source.geobox)
     found = next_views(source, options, work_of(options.run, reporter))
@@ -114,14 +111,11 @@ def path(options: PathOptions, reporter: Reporter) -> None:
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths import path_text
     from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.output.atomic import check_target
 
     output, overwrite = options.output, options.files.overwrite
     write.check_ranges(options.ranges, {})
     request, flight = path_request(options), _flight(options)
-    if output != "-":
-        check_target(output, overwrite)
-    write.keep_inputs([output], options.map_)
+    write.check_output(output, overwrite, options.map_)
     source = open_probability_map(options.map_, options.read)
     path_text.check_path_crs(source.geobox)
     if is_ros_map(output) and source.geobox.crs is not None:

@@ -78,6 +78,15 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
     read.keep_inputs(outputs, inputs)
 
 
+def check_output(path: str, overwrite: bool, *inputs: Any) -> None:
+    """Check, before any work, that a file can be written and is none that the command reads; - is stdout."""
+    from uavseg.output.atomic import check_target
+
+    if path != "-":
+        check_target(path, overwrite)
+    keep_inputs([path], *inputs)
+
+
 def transaction() -> AbstractContextManager[None]:
     """Return a context whose files appear together at its end."""
     from uavseg.output import atomic
