@@ -267,7 +267,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
-    assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
+    assert ("uavseg.cli.preview", "uavseg.jobs.info") in seen  # in a function
     assert ("uavseg.raster.grid.tiling", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.access.open_checked",
