@@ -154,7 +154,7 @@ ONLY_IN = {
         *("raster.geodesy.globe", "raster.elevation.dem", "flight.mission.track", "regions.formats.read"),
         "regions.formats.metadata",  # CRS in other words than WKT
     },
-    "rio_tiler": {"jobs.web_map.tiles"},
+    "rio_tiler": {"jobs.web_map.content"},
     "numba": {"_jit.compiling", "_jit.kernels"},
     "llvmlite": {"_jit.compiling", "_jit.kernels"},
     "geopandas": {"regions", "flight.mission.features"},

@@ -20,8 +20,7 @@ from uavseg.flight.camera.camera import cameras
 from uavseg.jobs.source.open_source import open_source, raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMapRequest, field_map
-from uavseg.jobs.web_map.tiles import CellTiles, has_map_tiles
+from uavseg.jobs.web_map.content import CellTiles, FieldMapRequest, field_map, has_map_tiles
 from uavseg.options.flights import Paths
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions, ServeOptions

@@ -16,8 +16,8 @@ from uavseg.jobs.flights.photographs import (
     footprints as run_footprints,
     georeference as run_georeference,
 )
+from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 from uavseg.options.option import build
-from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame

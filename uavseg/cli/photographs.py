@@ -3,7 +3,7 @@
 from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter
-from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
+from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 
 
 @job_command("footprints", FootprintsOptions)

@@ -27,8 +27,7 @@ from uavseg.jobs.match.match import match, with_answers
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, webp_of
-from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
+from uavseg.jobs.web_map.content import CellTiles, FieldMap, FieldMapRequest, read_map_tile, webp_of
 from uavseg.options.flights import Paths, PlanOptions
 from uavseg.options.missions import CheckOptions
 from uavseg.options.option import Option, build, options_of
