@@ -7,21 +7,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 from uavseg.access import allowing
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.requests import RegionJob, region_job
 from uavseg.jobs.source.work import Work
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
-    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
-    from uavseg.options.running import RunOptions
+from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
+from uavseg.options.running import RunOptions
 
 F = TypeVar("F", bound=Callable[..., Any])
 

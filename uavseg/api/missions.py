@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 from uavseg.access import Folders
 from uavseg.api._values import job_function, listed_zones, progress_of, warn
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Vehicle
@@ -21,9 +22,6 @@ from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import PlanOptions
 from uavseg.options.missions import CheckOptions
 from uavseg.options.option import build
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 @job_function

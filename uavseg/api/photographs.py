@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import job_function, progress_of, warn
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
 from uavseg.jobs.flights.photographs import (
@@ -18,9 +18,6 @@ from uavseg.jobs.flights.photographs import (
 )
 from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 from uavseg.options.option import build
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 @checked

@@ -292,18 +292,8 @@ def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
     if camera is None:
         raise ParameterError(f"{os.fspath(path)} does not say which camera the vehicle has: give --camera")
     for number, shot in enumerate(shots_of_log(path), 1):
-        yield Photograph(
-            path=f"{Path(path).name} {number}",
-            lon=shot.lon,
-            lat=shot.lat,
-            relative_m=shot.relative_m,
-            altitude_m=shot.altitude_m,
-            yaw_deg=shot.yaw_deg,
-            image_px=camera.image_px,
-            focal_px=camera.focal_px,
-            camera=camera.name,
-            taken_s=shot.taken_s,
-        )
+        lens = {"image_px": camera.image_px, "focal_px": camera.focal_px, "camera": camera.name}
+        yield Photograph(path=f"{Path(path).name} {number}", **lens, **asdict(shot))
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:
