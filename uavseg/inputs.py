@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uavseg.errors import ParameterError, RasterReadError, UavsegError
+from uavseg.errors import ParameterError, RasterReadError, UavsegError, caused_errors
 from uavseg.plain_text import cause_of, shown
 
 _MAX_OBJECT_BYTES = 100_000  # of a JSON file that describes one thing
@@ -64,11 +64,8 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
 
 def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = RasterReadError) -> bytes:
     """Read the first `count` bytes of a regular file; an `error` if it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(count)
-    except OSError as cause:
-        raise error(f"{os.fspath(path)} cannot be read ({cause_of(cause)})") from cause
+    with caused_errors(f"{os.fspath(path)} cannot be read", error, OSError), Path(path).open("rb") as file:
+        return file.read(count)
 
 
 def parse_json(text: str, **options: Any) -> Any:

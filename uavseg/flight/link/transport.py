@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import LinkError, ParameterError
+from uavseg.errors import LinkError, ParameterError, named_errors
 from uavseg.plain_text import shown
 
 SCHEMES = ("udpout", "udpin", "tcp", "serial")
@@ -192,18 +192,14 @@ class SerialLine(Transport):
             raise LinkError(f"cannot open {address}: {error}") from error
 
     def send(self, data: bytes) -> None:
-        try:
+        with named_errors(f"the serial line {self._address} is lost", OSError, LinkError):
             self._port.write(data)
-        except OSError as error:
-            raise LinkError(f"the serial line {self._address} is lost: {error}") from error
 
     def receive(self, timeout_s: float) -> tuple[bytes, Source] | None:
-        try:
+        with named_errors(f"the serial line {self._address} is lost", OSError, LinkError):
             self._port.timeout = max(timeout_s, 0.001)
             data = self._port.read(1)
             data += self._port.read(self._port.in_waiting)
-        except OSError as error:
-            raise LinkError(f"the serial line {self._address} is lost: {error}") from error
         return (data, None) if data else None
 
 

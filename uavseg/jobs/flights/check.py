@@ -292,8 +292,13 @@ def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
     if camera is None:
         raise ParameterError(f"{os.fspath(path)} does not say which camera the vehicle has: give --camera")
     for number, shot in enumerate(shots_of_log(path), 1):
-        lens = {"image_px": camera.image_px, "focal_px": camera.focal_px, "camera": camera.name}
-        yield Photograph(path=f"{Path(path).name} {number}", **lens, **asdict(shot))
+        yield Photograph(
+            path=f"{Path(path).name} {number}",
+            image_px=camera.image_px,
+            focal_px=camera.focal_px,
+            camera=camera.name,
+            **asdict(shot),
+        )
 
 
 def _paper_check(mission: Mission, request: CheckRequest, autopilot: str | None) -> SafetyCheck:

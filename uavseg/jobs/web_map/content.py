@@ -17,7 +17,7 @@ from rasterio.warp import Resampling, reproject
 
 from uavseg.arrays import Bools, Floats, Integers, Uint8s, Uint16s
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, RasterError, RasterReadError
+from uavseg.errors import ParameterError, RasterError, RasterReadError, caused_errors
 from uavseg.execution.executors import phase
 from uavseg.jobs.divide import block_map_of
 from uavseg.jobs.result.result import SourceInfo
@@ -83,13 +83,10 @@ def to_mercator(image: Uint8s, geobox: GeoBox, ground: GroundGrid, size: int) ->
     placed = np.zeros((4, *shape), np.uint8)
     grids = {"src_transform": geobox.transform, "src_crs": geobox.crs}
     grids |= {"dst_transform": transform, "dst_crs": WEB_MERCATOR}
-    try:
-        with gdal_env():
-            for band, method in zip(range(4), [Resampling.bilinear] * 3 + [Resampling.nearest], strict=True):
-                reproject(image[band], placed[band], **grids, resampling=method)
-            content = webp_of(placed)
-    except GDAL_ERRORS as error:
-        raise RasterError(f"the picture cannot be drawn in Web Mercator ({cause_of(error)})") from error
+    with caused_errors("the picture cannot be drawn in Web Mercator", RasterError, *GDAL_ERRORS), gdal_env():
+        for band, method in zip(range(4), [Resampling.bilinear] * 3 + [Resampling.nearest], strict=True):
+            reproject(image[band], placed[band], **grids, resampling=method)
+        content = webp_of(placed)
     lon, lat = transform_between(WEB_MERCATOR, WGS84)(np.array([left, right]), np.array([bottom, top]))
     west, east, south, north = float(lon[0]), float(lon[1]), float(lat[0]), float(lat[1])
     return MercatorImage(content, shape, (west, south, east, north))

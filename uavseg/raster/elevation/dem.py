@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, RasterError, RasterReadError
+from uavseg.errors import ParameterError, RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_text
@@ -331,10 +331,8 @@ def _heights_of(path: str) -> Heights:
         raise RasterError(f"{path} has a coordinate reference system that is not one of the Earth")
     if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0):
         raise RasterError(f"{path} scales its heights by {scale:g} and moves them by {offset:g}; correct it")
-    try:
+    with named_errors(path, RasterError):
         reference = vertical_reference(wkt)
-    except RasterError as error:
-        raise RasterError(f"{path}: {error}") from error
     unit_m = _unit_m(path, unit, reference, wkt)
     factor = unit_m or 1.0
     return Heights(wkt, reference, scale * factor, offset * factor, unit_m is not None)

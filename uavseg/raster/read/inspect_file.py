@@ -14,7 +14,7 @@ from rasterio.crs import CRS
 from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
-from uavseg.errors import RasterError, RasterReadError
+from uavseg.errors import RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of
 from uavseg.raster.access import opening
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
@@ -197,10 +197,8 @@ def _masks(path: str, source: DatasetReader) -> str:
 def _transform(path: str, source: DatasetReader) -> Affine | None:
     transform = source.transform
     if opening.has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
-        try:
+        with named_errors(path, RasterError):
             check_transform(transform, source.shape)
-        except RasterError as error:
-            raise RasterError(f"{path}: {error}") from error
         return transform
     has_points, warped = bool(source.gcps[0]), f"{Path(path).stem}.warped.tif"
     if has_points or source.rpcs is not None:
