@@ -135,9 +135,16 @@ def named_errors(
 
 
 @contextmanager
-def caused_errors(text: str, raised: Callable[[str], Exception], *caught: type[Exception]) -> Iterator[None]:
-    """Enter a block in which errors of libraries are raised as one that tells this, and their cause."""
+def caused_errors(
+    text: str, raised: Callable[[str], Exception], *caught: type[Exception], form: str = "{} ({})"
+) -> Iterator[None]:
+    """Enter a block in which errors of libraries are raised as one that tells this, and their cause.
+
+    Those that the user can correct stay as they are.
+    """
     try:
         yield
+    except UavsegError:
+        raise
     except caught as error:
-        raise raised(f"{text} ({cause_of(error)})") from error
+        raise raised(form.format(text, cause_of(error))) from error

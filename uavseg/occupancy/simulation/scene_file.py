@@ -28,7 +28,7 @@ from uavseg.errors import RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 _MAX_SCENE_CELLS = 1 << 28
@@ -66,12 +66,8 @@ def _read(path: str | os.PathLike[str]) -> Any:
         raise SceneError("there is no such file; name lens, circles or a JSON file of a scene")
     with caused_errors("it cannot be read as text", SceneError, UnicodeDecodeError):
         text = read_bytes(path, SceneError).decode()
-    try:
+    with caused_errors("it is not valid JSON", SceneError, ValueError, RecursionError):
         return parse_json(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
-    except SceneError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 
 
 def _reject_constant(text: str) -> NoReturn:

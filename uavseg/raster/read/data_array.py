@@ -14,7 +14,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissingLibraryError, RasterError, caused_errors, named_errors
+from uavseg.errors import MissingLibraryError, RasterError, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.array_source import ArraySource, alpha_note, check_pixels, layout_of
@@ -127,9 +127,10 @@ def _nodata(array: Any, rio: Any, name: str) -> float | None:
     for key in _NODATA_NAMES:
         if attributes.get(key) is not None:
             return _nodata_for(attributes[key], array.dtype, f"its attribute {key}", name)
-    unread = f"{name}: its nodata value cannot be read"
-    with caused_errors(unread, RasterError, TypeError, ValueError, OverflowError):
+    try:
         return None if rio.nodata is None else _nodata_for(rio.nodata, array.dtype, "rioxarray", name)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise RasterError(f"{name}: its nodata value cannot be read ({cause_of(error)})") from error
 
 
 def _nodata_for(value: Any, dtype: Any, where: str, name: str) -> float:
