@@ -14,6 +14,7 @@ from rasterio.crs import CRS
 from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
+from uavseg.arrays import Path_
 from uavseg.errors import RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of
 from uavseg.raster.access import opening
@@ -29,7 +30,7 @@ _ZEROS = (0.0,) * 6  # the geotransform that some drivers give where there is no
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
-def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
+def inspect_file(path: Path_) -> RasterFile:
     """Read the metadata of a raster file.
 
     A RasterReadError says that it is not a raster that can be opened, a RasterError that it is of an
@@ -40,9 +41,7 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     return found
 
 
-def inspect_unless(
-    path: str | os.PathLike[str], is_other: Callable[[DatasetReader], bool]
-) -> RasterFile | None:
+def inspect_unless(path: Path_, is_other: Callable[[DatasetReader], bool]) -> RasterFile | None:
     """Return the metadata of a raster file as `inspect_file`; None where the open file is something else."""
     name = opening.as_file_name(os.fspath(path))
     try:
