@@ -140,7 +140,7 @@ def caused_errors(
 ) -> Iterator[None]:
     """Enter a block in which errors of libraries are raised as one that tells this, and their cause.
 
-    Those that the user can correct stay as they are.
+    Those that the user can correct stay as they are. With the form "{}" the cause is not told.
     """
     try:
         yield

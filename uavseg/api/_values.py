@@ -24,7 +24,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def job_function(function: F) -> F:
-    """Make a public function of one that answers with a value that has warnings, and takes what is allowed.
+    """Make a public function of one that answers with a value that has warnings.
 
     Its arguments are checked, files may name what they allow, and its caller is warned.
     """

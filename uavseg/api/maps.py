@@ -208,7 +208,7 @@ def path(
     return found.path
 
 
-@checked
+@job_function
 def build_map(
     bag: str | os.PathLike[str],
     *,
@@ -266,9 +266,7 @@ def build_map(
         If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
         would have more than 100 million cells.
     """
-    result = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
-    warn(result.warnings)
-    return result
+    return run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
 
 
 @job_function

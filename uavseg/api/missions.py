@@ -330,7 +330,7 @@ def check(
     return run_check(mission, check_request(options))
 
 
-@checked
+@job_function
 def resume(
     mission: str | os.PathLike[str] | Mission, *, start: str | os.PathLike[str] | float | Sequence[float]
 ) -> MissionPlan:
@@ -367,9 +367,7 @@ def resume(
     >>> import uavseg
     >>> uavseg.resume("survey.plan", start=12.4).write("rest.plan")  # doctest: +SKIP
     """
-    planned = run_resume(mission, start)
-    warn(planned.warnings)
-    return planned
+    return run_resume(mission, start)
 
 
 @checked

@@ -174,10 +174,9 @@ def _value(code: str, value: Any) -> Any:
 
 
 def _ulog_messages(path: Path) -> list[Message]:
-    try:
+    missing = 'a .ulg of PX4 needs pyulog: pip install "uavseg[logs]"'
+    with caused_errors(missing, MissingLibraryError, ImportError, form="{}"):
         from pyulog import ULog
-    except ImportError as error:
-        raise MissingLibraryError('a .ulg of PX4 needs pyulog: pip install "uavseg[logs]"') from error
     # Whatever pyulog raises of a damaged file is caught.
     with caused_errors(f"{path} cannot be read as a ULog", MissionError, Exception):
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what is damaged

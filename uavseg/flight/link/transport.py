@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import LinkError, ParameterError, named_errors
+from uavseg.errors import LinkError, ParameterError, caused_errors, named_errors
 from uavseg.plain_text import shown
 
 SCHEMES = ("udpout", "udpin", "tcp", "serial")
@@ -181,10 +181,9 @@ class SerialLine(Transport):
     """Serial device, through pyserial."""
 
     def __init__(self, address: Address) -> None:
-        try:
+        missing = 'serial lines need pyserial: pip install "uavseg[serial]"'
+        with caused_errors(missing, LinkError, ImportError, form="{}"):
             import serial
-        except ImportError as error:
-            raise LinkError('serial lines need pyserial: pip install "uavseg[serial]"') from error
         self._address = address
         try:
             self._port = serial.Serial(address.place, address.number, timeout=0, write_timeout=SEND_S)

@@ -33,15 +33,9 @@ MIN_ZONE_M, MAX_ZONE_M = 0.1, 10_000.0  # width of points and lines that are zon
 
 def plan_request(options: PlanOptions) -> PlanRequest:
     """Return the request of a plan, checked before any work: ParameterError as of `mission_request`."""
-    return mission_request(
-        options.mission,
-        options.output,
-        ids=options.ids,
-        largest=options.largest,
-        where=options.where,
-        classes=_names(options.classes),
-        avoid_classes=_names(options.avoid_classes) or (),
-    )
+    chosen = {name: getattr(options, name) for name in ("ids", "largest", "where")}
+    chosen |= {"classes": _names(options.classes), "avoid_classes": _names(options.avoid_classes) or ()}
+    return mission_request(options.mission, options.output, **chosen)
 
 
 def mission_request(options: MissionOptions, output: str | None, **chosen: Any) -> PlanRequest:

@@ -206,11 +206,10 @@ class Bag:
 @contextmanager
 def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
     """Open a bag for reading: a .bag, .mcap or .db3 file, or a folder that ros2 bag recorded."""
-    try:
+    missing = 'reading bags needs rosbags; pip install "uavseg[ros]"'
+    with caused_errors(missing, BagError, ImportError, form="{}"):
         import rosbags.rosbag1  # noqa: F401
         from rosbags.rosbag2 import Reader
-    except ImportError as error:
-        raise BagError('reading bags needs rosbags; pip install "uavseg[ros]"') from error
     files = bag_files(path)
     name = os.fspath(path)
     with bounded_decompression(), ExitStack() as stack:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.arrays import Float32s, Path_
-from uavseg.errors import MapError, RasterError, SceneError, named_errors
+from uavseg.errors import MapError, RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import as_number
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Fading
 from uavseg.occupancy.mapping.sensor_messages import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
@@ -66,12 +66,11 @@ def read_grid_file(path: Path_) -> tuple[Float32s, GeoBox, Fading]:
     log_odds: Float32s = values[0]
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
-    try:
+    unread = f"{name} is damaged: how its evidence fades cannot be read"
+    with caused_errors(unread, MapError, ValueError, TypeError, form="{}"):
         words = tags.get(_FADING, f"{MAX_LOG_ODDS} None None").split()
         clamp, half_life, after = (None if word == "None" else float(word) for word in words)
         return log_odds, geobox, Fading(clamp or 0.0, half_life, after)
-    except (ValueError, TypeError) as error:
-        raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
