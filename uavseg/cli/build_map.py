@@ -4,7 +4,7 @@ from pathlib import Path
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
-from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
+from uavseg.cli.write import check_distinct, check_output, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
 from uavseg.options.maps import BuildMapOptions, MaskOptions, MergeMapsOptions, SimulateOptions
 
@@ -149,7 +149,6 @@ def simulate(options: SimulateOptions, reporter: Reporter) -> None:
 def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
     """Check that all can be written, before the work; returns the files that will be."""
     from uavseg.occupancy.map_file import check_map_path
-    from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name
 
     others = [path for path in (png, truth) if path]
@@ -158,7 +157,7 @@ def _check_targets(output: str, png: str | None, truth: str | None, overwrite: b
     if truth:
         check_geotiff_name(truth, "the truth of a scene")
     for path in others:
-        check_target(path, overwrite)
+        check_output(path, overwrite)
     paths = [*check_map_path(output, overwrite), *others]
     check_distinct(*paths)
     return paths

@@ -34,7 +34,6 @@ def command(options: ClassifyOptions, reporter: Reporter) -> None:
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map
-    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import check_region_crs
 
     target = options.output or f"{Path(options.path).stem}.states.tif"
@@ -43,7 +42,7 @@ def command(options: ClassifyOptions, reporter: Reporter) -> None:
     overwrite = options.files.overwrite
     if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
-    check_target(target, overwrite)
+    write.check_output(target, overwrite)
     write.check_targets(options.objects, options.labels, overwrite)
     write.check_distinct(target, options.objects, options.labels)
     mode = options.mode.mode or "trinary"

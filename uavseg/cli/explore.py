@@ -52,7 +52,6 @@ def command(options: ExploreOptions, reporter: Reporter) -> None:
 
 def _check_targets(options: ExploreOptions) -> None:
     from uavseg.occupancy.map_file import check_map_path
-    from uavseg.output.atomic import check_target
 
     overwrite = options.files.overwrite
     for path, suffix, what in (
@@ -64,7 +63,7 @@ def _check_targets(options: ExploreOptions) -> None:
             continue
         if Path(path).suffix.lower() != suffix:
             raise OutputError(f"{path}: {what} is written to {suffix}")
-        check_target(path, overwrite)
+        write.check_output(path, overwrite)
     maps = check_map_path(options.map, overwrite) if options.map else []
     files = [path for path in (options.output, options.table, options.animation) if path and path != "-"]
     write.check_distinct(*files, *maps)

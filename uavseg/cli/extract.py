@@ -32,7 +32,6 @@ def command(options: ExtractOptions, reporter: Reporter) -> None:
     write.check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import is_region_folder
 
     job = region_job(options)
@@ -53,7 +52,7 @@ def command(options: ExtractOptions, reporter: Reporter) -> None:
     read = [zone for zone in avoid if isinstance(zone, str)], options.flight.terrain.dem
     files = write.RegionFiles(options, ".regions.geojson", *read, others=[options.mission])
     if options.mission is not None:
-        check_target(options.mission, options.files.overwrite)
+        write.check_output(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     if flight is not None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uavseg.access import current_policy
 from uavseg.arrays import Bools, Float32s, Integers, Path_, Uint8s
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError, RasterError, RasterReadError, named_errors
+from uavseg.errors import MapError, RasterError, RasterReadError, caused_errors, named_errors
 from uavseg.inputs import parse_yaml, read_bytes, read_start
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plain_text import shown
@@ -159,12 +159,11 @@ def _read_yaml(path: Path_) -> Mapping[str, Any]:
 
 def _number(name: str, value: Any) -> float:
     """Convert a number as yaml-cpp does: quoted or not, and 5e-2 without a decimal point too."""
-    try:
+    wanted = f"{name} is a number, not {shown(value)}"
+    with caused_errors(wanted, MapError, ValueError, OverflowError, form="{}"):
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
         return float(value)
-    except (ValueError, OverflowError) as error:
-        raise MapError(f"{name} is a number, not {shown(value)}") from error
 
 
 def _origin(value: Any) -> tuple[float, float, float]:
