@@ -15,9 +15,8 @@ from typing import Any
 from uavseg.jobs.match.request import WINDOWS
 from uavseg.options.flights import MissionOptions, PlanOptions
 from uavseg.options.maps import ClassifyOptions, PathOptions
-from uavseg.options.missions import CheckOptions
+from uavseg.options.missions import CheckOptions, FootprintsOptions, GeoreferenceOptions
 from uavseg.options.option import Option, options_of
-from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
 from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, SuggestOptions
 from uavseg.raster.spectral.formula import INDICES
 

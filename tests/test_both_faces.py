@@ -32,12 +32,13 @@ from uavseg.flight.formats import files
 from uavseg.flight.link import link
 from uavseg.flight.mission.mission import Mission
 from uavseg.jobs.divide import divide as divide_job
-from uavseg.jobs.maps.build_map import SimulateRequest, simulate as simulate_job
+from uavseg.jobs.maps.build_map import simulate as simulate_job
 from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
 from uavseg.occupancy.map_file import write_states
 from uavseg.occupancy.paths.path_text import path_to_geojson
 from uavseg.occupancy.ros.ros_map import write_ros_map
+from uavseg.options.maps import SimulateOptions
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions
 from uavseg.options.regions import DivideOptions
@@ -1376,12 +1377,11 @@ def test_segments_of_the_original(source: str, words: Words, params: Words) -> N
 )
 def test_simulations(scene: str, words: Words) -> None:
     expected = on_the_command_line("simulate", [scene, *options(words), "-o", "out.tif"], "out.tif")
-    names = {"sigma": "sigma_m", "max_range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
 
     def simulated() -> bytes:
-        request = SimulateRequest(**{names.get(word, word): value for word, value in words.items()})
-        grid = simulate_job(scene, request).grid
-        tags = {"scene": scene, "seed": str(request.seed)}
+        asked = SimulateOptions(scene=scene, **words)
+        grid = simulate_job(asked).grid
+        tags = {"scene": scene, "seed": str(asked.seed)}
         bands = [grid.probabilities]
         return written(
             lambda path: write_geotiff(path, bands, grid.geobox, ["occupancy"], tags), "python.tif"

@@ -154,7 +154,7 @@ ONLY_IN = {
         *("raster.geodesy.globe", "raster.elevation.dem", "flight.mission.track", "regions.formats.read"),
         "regions.formats.metadata",  # CRS in other words than WKT
     },
-    "rio_tiler": {"jobs.web_map.tiles"},
+    "rio_tiler": {"jobs.web_map.content"},
     "numba": {"_jit.compiling", "_jit.kernels"},
     "llvmlite": {"_jit.compiling", "_jit.kernels"},
     "geopandas": {"regions", "flight.mission.features"},
@@ -267,7 +267,7 @@ def test_commands_import_only_click_before_they_are_called() -> None:
 
 def test_the_imports_are_seen() -> None:
     seen = {(found.importer, found.imported) for found in imports()}
-    assert ("uavseg.cli.info", "uavseg.jobs.info") in seen  # in a function
+    assert ("uavseg.cli.preview", "uavseg.jobs.info") in seen  # in a function
     assert ("uavseg.raster.grid.tiling", "uavseg.execution.executors") in seen
     assert (
         "uavseg.raster.access.open_checked",

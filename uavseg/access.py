@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import AccessError, RasterReadError
+from uavseg.errors import AccessError, RasterReadError, caused_errors
 from uavseg.inputs import regular_file
 
 _NETWORK = re.compile(
@@ -37,11 +37,10 @@ class AccessPolicy:
         neither beside the owner nor in an allowed folder, a RasterReadError that it is not a regular file.
         """
         target = Path(named)
-        try:
+        invalid = f"{os.fspath(owner)} names {named}, which is no valid path"
+        with caused_errors(invalid, AccessError, OSError, ValueError, RuntimeError, form="{}"):
             resolved = target.resolve()
             allowed = any(resolved.is_relative_to(folder) for folder in self._folders(Path(owner)))
-        except (OSError, ValueError, RuntimeError) as error:
-            raise AccessError(f"{os.fspath(owner)} names {named}, which is no valid path") from error
         if not allowed:
             raise AccessError(
                 f"{os.fspath(owner)} names {named}, which lies outside of its folder; allow the folder with "

@@ -4,7 +4,10 @@ Each message says what is wrong, what was expected and what to do; the command l
 one printable line: a name or a text of a file in it cannot change what a terminal shows.
 """
 
-from uavseg.plain_text import one_line
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from uavseg.plain_text import cause_of, one_line
 
 OUT_OF_MEMORY = "out of memory; smaller tiles (--tile 1024) or fewer --threads need less"
 
@@ -118,3 +121,30 @@ class OutputExistsError(OutputError):
 
 class MissingLibraryError(UavsegError, ImportError):
     """An optional library is not installed."""
+
+
+@contextmanager
+def named_errors(
+    what: object, caught: type[Exception], raised: type[Exception] | None = None
+) -> Iterator[None]:
+    """Enter a block whose errors say first what they are about; they are raised as another kind if given."""
+    try:
+        yield
+    except caught as error:
+        raise (raised or type(error))(f"{what}: {error}") from error
+
+
+@contextmanager
+def caused_errors(
+    text: str, raised: Callable[[str], Exception], *caught: type[Exception], form: str = "{} ({})"
+) -> Iterator[None]:
+    """Enter a block in which errors of libraries are raised as one that tells this, and their cause.
+
+    Those that the user can correct stay as they are. With the form "{}" the cause is not told.
+    """
+    try:
+        yield
+    except UavsegError:
+        raise
+    except caught as error:
+        raise raised(form.format(text, cause_of(error))) from error

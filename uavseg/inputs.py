@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from uavseg.errors import ParameterError, RasterReadError, UavsegError
+from uavseg.errors import ParameterError, RasterReadError, UavsegError, caused_errors
 from uavseg.plain_text import cause_of, shown
 
 _MAX_OBJECT_BYTES = 100_000  # of a JSON file that describes one thing
@@ -50,13 +50,11 @@ def regular_file(path: str | os.PathLike[str], error: Error = RasterReadError) -
 def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, limit: int = MAX_TEXT) -> bytes:
     """Read a regular file of at most `limit` bytes; an `error` if it cannot be read or is longer."""
     name = os.fspath(path)
-    try:
-        with regular_file(path, error).open("rb") as file:
-            content = file.read(limit + 1)
-    except OSError as cause:
-        if isinstance(cause, UavsegError):
-            raise
-        raise error(f"{name} cannot be read ({cause_of(cause)})") from cause
+    with (
+        caused_errors(f"{name} cannot be read", error, OSError),
+        regular_file(path, error).open("rb") as file,
+    ):
+        content = file.read(limit + 1)
     if len(content) > limit:
         raise error(f"{name} has more than {limit:,} bytes, which is too much for a file of its kind")
     return content
@@ -64,11 +62,8 @@ def read_bytes(path: str | os.PathLike[str], error: Error = RasterReadError, lim
 
 def read_start(path: str | os.PathLike[str], count: int = 4096, error: Error = RasterReadError) -> bytes:
     """Read the first `count` bytes of a regular file; an `error` if it cannot be read."""
-    try:
-        with Path(path).open("rb") as file:
-            return file.read(count)
-    except OSError as cause:
-        raise error(f"{os.fspath(path)} cannot be read ({cause_of(cause)})") from cause
+    with caused_errors(f"{os.fspath(path)} cannot be read", error, OSError), Path(path).open("rb") as file:
+        return file.read(count)
 
 
 def parse_json(text: str, **options: Any) -> Any:
@@ -90,15 +85,12 @@ def parse_yaml(content: bytes, error: Error, aliases: str, invalid: str) -> Any:
     """Parse YAML of plain values; an `error` says `aliases` where it has some (*name), else `invalid`."""
     import yaml
 
-    try:
+    wrong = (yaml.YAMLError, ValueError, RecursionError, TypeError, KeyError)
+    with caused_errors(invalid, error, *wrong):
         check_yaml_brackets(content)
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(content, Loader=yaml.SafeLoader)):
             raise error(aliases)
         return yaml.safe_load(content)
-    except (yaml.YAMLError, ValueError, RecursionError, TypeError, KeyError) as cause:
-        if isinstance(cause, UavsegError):
-            raise
-        raise error(f"{invalid} ({cause_of(cause)})") from cause
 
 
 _NO_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
@@ -135,12 +127,9 @@ def read_object(path: str | os.PathLike[str], subject: str, expected: str) -> di
 
     The message has what the file describes, the subject, and the expected content of the object.
     """
-    try:
+    unread = f"{path} cannot be read as a {subject} in JSON"
+    with caused_errors(unread, ParameterError, ValueError, RecursionError):
         content = parse_json(read_bytes(path, ParameterError, _MAX_OBJECT_BYTES).decode("utf-8"))
-    except (ValueError, RecursionError) as error:
-        if isinstance(error, ParameterError):
-            raise
-        raise ParameterError(f"{path} cannot be read as a {subject} in JSON ({cause_of(error)})") from error
     if not isinstance(content, dict) or not content:
         raise ParameterError(f"{path} is not a {subject}; expected a JSON object with {expected}")
     return content

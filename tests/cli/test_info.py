@@ -9,7 +9,7 @@ import rasterio
 from affine import Affine
 from click.testing import CliRunner
 
-from uavseg.cli.info import command
+from uavseg.cli.preview import info as command
 from uavseg.errors import MosaicError, ParameterError, RasterReadError
 
 

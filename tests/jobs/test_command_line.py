@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from hypothesis import given, strategies as st
 
 from uavseg.access import allowing
-from uavseg.cli.info import command
+from uavseg.cli.preview import info as command
 from uavseg.jobs.info import extract_line, option_words, source_words
 from uavseg.options.option import build
 from uavseg.options.reading import ReadOptions

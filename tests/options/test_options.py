@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import uavseg
 from uavseg.cli import main
-from uavseg.options import flights, maps, missions, pages, photographs, regions
+from uavseg.options import flights, maps, missions, pages, regions
 from uavseg.options.option import arguments_of, build, group, option, options_of
 
 JOBS: dict[str, type] = {
@@ -31,8 +31,8 @@ JOBS: dict[str, type] = {
     "resume": missions.ResumeOptions,
     "upload": missions.UploadOptions,
     "download": missions.DownloadOptions,
-    "footprints": photographs.FootprintsOptions,
-    "georeference": photographs.GeoreferenceOptions,
+    "footprints": missions.FootprintsOptions,
+    "georeference": missions.GeoreferenceOptions,
     "classify": maps.ClassifyOptions,
     "path": maps.PathOptions,
     "describe": maps.DescribeOptions,

@@ -14,7 +14,7 @@ from rasterio.enums import ColorInterp
 from uavseg.jobs.source.open_source import open_raster
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import SERIAL
-from uavseg.jobs.web_map.tiles import has_map_tiles, read_map_tile
+from uavseg.jobs.web_map.content import has_map_tiles, read_map_tile
 from uavseg.options.reading import ReadOptions
 from uavseg.raster.grid.tiling import Window
 

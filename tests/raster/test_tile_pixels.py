@@ -7,7 +7,7 @@ from hypothesis import given, settings, strategies as st
 from pyproj import Transformer
 from rasterio.crs import CRS
 
-from uavseg.jobs.web_map.tiles import SIDE, TOLERANCE, tile_pixels
+from uavseg.jobs.web_map.content import SIDE, TOLERANCE, tile_pixels
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_grid
 

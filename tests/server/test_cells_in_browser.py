@@ -16,7 +16,7 @@ from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwri
 from tests.plot.web.test_slider import RANGES, run
 from tests.server.test_cell_tiles import labels_of, pixels_below
 from uavseg.jobs.web_map import content as field_map
-from uavseg.jobs.web_map.tiles import has_map_tiles
+from uavseg.jobs.web_map.content import has_map_tiles
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 pytestmark = [

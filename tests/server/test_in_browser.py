@@ -16,7 +16,7 @@ import uavseg
 from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, has_playwright
 from tests.server.asking import surveyed
 from uavseg.cli import main
-from uavseg.jobs.web_map.tiles import has_map_tiles
+from uavseg.jobs.web_map.content import has_map_tiles
 
 SAMPLE = Path(uavseg.__file__).parents[1] / "samples" / "quarry.tif"
 pytestmark = [

@@ -26,7 +26,7 @@ from uavseg.api.pages import MapServer
 from uavseg.cli import main
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
-from uavseg.jobs.web_map.tiles import has_map_tiles
+from uavseg.jobs.web_map.content import has_map_tiles
 from uavseg.plot.web import field_map
 from uavseg.server.local_server import KEPT, BusyError, Tasks
 from uavseg.server.site import FIELDS

@@ -3,23 +3,40 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import TYPE_CHECKING, Any
+from functools import wraps
+from typing import Any, TypeVar
 
 from uavseg.access import allowing
+from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
 from uavseg.execution.executors import Progress
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.requests import RegionJob, region_job
 from uavseg.jobs.source.work import Work
+from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
+from uavseg.options.running import RunOptions
 
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
+F = TypeVar("F", bound=Callable[..., Any])
 
-    from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions
-    from uavseg.options.running import RunOptions
+
+def job_function(function: F) -> F:
+    """Make a public function of one that answers with a value that has warnings.
+
+    Its arguments are checked, files may name what they allow, and its caller is warned.
+    """
+
+    @wraps(function)
+    def call(*args: Any, **given: Any) -> Any:
+        with allowing(given.get("allow_path", ()), given.get("allow_network", False)):
+            answer = function(*args, **given)
+        warn(answer.warnings)
+        return answer
+
+    return checked(call)  # type: ignore[return-value]
 
 
 def work(run: RunOptions, progress: Progress | bool | None = None) -> Work:

@@ -6,18 +6,17 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
-from uavseg.arguments import checked
+from uavseg.access import Folders
+from uavseg.api._values import job_function, work
 from uavseg.execution.executors import Progress
-from uavseg.jobs.maps.explore import Explored, explore as run_explore, explore_request
-from uavseg.jobs.maps.next_view import NextViews, next_views as run_next_views, view_request
+from uavseg.jobs.maps.explore import Explored, explore as run_explore
+from uavseg.jobs.maps.next_view import NextViews, next_views as run_next_views
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.options.maps import ExploreOptions, NextViewOptions
 from uavseg.options.option import build
 
 
-@checked
+@job_function
 def next_views(
     source: Any,
     pose: Sequence[float],
@@ -90,14 +89,11 @@ def next_views(
     (True, 1.0)
     """
     options = build(NextViewOptions, locals())
-    with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, options.read)
-        found = run_next_views(opened, view_request(options), work(options.run, progress))
-    warn(found.warnings)
-    return found
+    opened = open_probability_map(source, options.read)
+    return run_next_views(opened, options, work(options.run, progress))
 
 
-@checked
+@job_function
 def explore(
     scene: str | os.PathLike[str],
     *,
@@ -141,8 +137,4 @@ def explore(
     UavsegError
         If the scene cannot be read, the start lies in something solid, or a parameter is wrong.
     """
-    options = build(ExploreOptions, locals() | {"scene": os.fspath(scene)})
-    with allowing(allow_path, allow_network):
-        found = run_explore(options.scene, explore_request(options))
-    warn(found.warnings)
-    return found
+    return run_explore(build(ExploreOptions, locals() | {"scene": os.fspath(scene)}))

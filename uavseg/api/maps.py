@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import job_function, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
 from uavseg.jobs.maps.build_map import BuiltMap, build_map as run_build_map, merge_params, topics_of
 from uavseg.jobs.maps.classify import Classification, classify as run_classify, classify_request
 from uavseg.jobs.maps.compare import Comparison, compare as run_compare, compare_job, open_both
 from uavseg.jobs.maps.mask import FilterMask, mask as run_mask
-from uavseg.jobs.maps.merge_maps import MergedMap, MergeRequest, merge_maps as run_merge_maps
+from uavseg.jobs.maps.merge_maps import MergedMap, merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.paths.find_path import PlannedPath
@@ -24,7 +24,7 @@ from uavseg.options.regions import CompareOptions
 from uavseg.regions.edit.small import as_area
 
 
-@checked
+@job_function
 def classify(
     source: Any,
     *,
@@ -104,11 +104,8 @@ def classify(
     (512, [512])
     """
     options = build(ClassifyOptions, locals())
-    with allowing(allow_path, allow_network):
-        opened = open_probability_map(source, options.read)
-        result = run_classify(opened, classify_request(options, True), work(options.run, progress))
-    warn(result.warnings)
-    return result
+    opened = open_probability_map(source, options.read)
+    return run_classify(opened, classify_request(options, True), work(options.run, progress))
 
 
 @checked
@@ -211,7 +208,7 @@ def path(
     return found.path
 
 
-@checked
+@job_function
 def build_map(
     bag: str | os.PathLike[str],
     *,
@@ -269,12 +266,10 @@ def build_map(
         If the bag cannot be read, lacks a topic or has another type there, or no scan has a pose; if the map
         would have more than 100 million cells.
     """
-    result = run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
-    warn(result.warnings)
-    return result
+    return run_build_map(bag, topics_of(scan, odom, tf), merge_params(build(BuildMapOptions, locals())))
 
 
-@checked
+@job_function
 def compare(
     before: Any,
     after: Any,
@@ -334,14 +329,11 @@ def compare(
     """
     options = build(CompareOptions, locals())
     job, least = compare_job(options), as_area(min_area)
-    with allowing(allow_path, allow_network):
-        sources = open_both(before, after, job, options.read)
-        result = run_compare(*sources, job, least, work(options.run, progress))
-    warn(result.warnings)
-    return result
+    sources = open_both(before, after, job, options.read)
+    return run_compare(*sources, job, least, work(options.run, progress))
 
 
-@checked
+@job_function
 def merge_maps(
     maps: Any,
     *,
@@ -384,14 +376,11 @@ def merge_maps(
     UavsegError
         If a map cannot be read, or a parameter is wrong.
     """
-    with allowing(allow_path, allow_network):
-        several = maps if isinstance(maps, list | tuple) else [maps]
-        result = run_merge_maps(several, MergeRequest(crop, unrotate, resolution))
-    warn(result.warnings)
-    return result
+    several = maps if isinstance(maps, list | tuple) else [maps]
+    return run_merge_maps(several, crop, unrotate, resolution)
 
 
-@checked
+@job_function
 def mask(
     regions: Any,
     map: Any,
@@ -427,7 +416,4 @@ def mask(
     UavsegError
         If the regions or the map cannot be read, they do not touch it, or the speed is no per cent.
     """
-    with allowing(allow_path, allow_network):
-        result = run_mask(regions, map, speed, layer)
-    warn(result.warnings)
-    return result
+    return run_mask(regions, map, speed, layer)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
-from uavseg.access import Folders, allowing
-from uavseg.api._values import listed_zones, progress_of, warn
+from uavseg.access import Folders
+from uavseg.api._values import job_function, listed_zones, progress_of, warn
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Vehicle
@@ -22,11 +23,8 @@ from uavseg.options.flights import PlanOptions
 from uavseg.options.missions import CheckOptions
 from uavseg.options.option import build
 
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
-
-@checked
+@job_function
 def plan(
     regions: str | os.PathLike[str] | bytes | GeoDataFrame,
     *,
@@ -243,17 +241,14 @@ def plan(
     >>> plan.write("fly.plan")  # doctest: +SKIP
     """
     options = build(PlanOptions, locals() | {"avoid": listed_zones(avoid)})
-    with allowing(allow_path, allow_network):
-        request = plan_request(options)
-        found = open_regions(regions, layer, widths_of(request.flight))
-        source = None if raster is None else open_source(raster)
-        zones, notes = zone_polygons(options.mission.safety, source)
-        planned = run_plan(found, request, zones, source, notes)
-    warn(planned.warnings)
-    return planned
+    request = plan_request(options)
+    found = open_regions(regions, layer, widths_of(request.flight))
+    source = None if raster is None else open_source(raster)
+    zones, notes = zone_polygons(options.mission.safety, source)
+    return run_plan(found, request, zones, source, notes)
 
 
-@checked
+@job_function
 def check(
     mission: str | os.PathLike[str] | Mission,
     *,
@@ -332,13 +327,10 @@ def check(
     ()
     """
     options = build(CheckOptions, locals() | {"avoid": listed_zones(avoid)})
-    with allowing(allow_path, allow_network):
-        result = run_check(mission, check_request(options))
-    warn(result.warnings)
-    return result
+    return run_check(mission, check_request(options))
 
 
-@checked
+@job_function
 def resume(
     mission: str | os.PathLike[str] | Mission, *, start: str | os.PathLike[str] | float | Sequence[float]
 ) -> MissionPlan:
@@ -375,9 +367,7 @@ def resume(
     >>> import uavseg
     >>> uavseg.resume("survey.plan", start=12.4).write("rest.plan")  # doctest: +SKIP
     """
-    planned = run_resume(mission, start)
-    warn(planned.warnings)
-    return planned
+    return run_resume(mission, start)
 
 
 @checked

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
+from uavseg.api._values import job_function, warn, work
 from uavseg.arguments import checked
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import threads as thread_pool
@@ -20,8 +20,7 @@ from uavseg.flight.camera.camera import cameras
 from uavseg.jobs.source.open_source import open_source, raster_of
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMapRequest, field_map
-from uavseg.jobs.web_map.tiles import CellTiles, has_map_tiles
+from uavseg.jobs.web_map.content import CellTiles, FieldMapRequest, field_map, has_map_tiles
 from uavseg.options.flights import Paths
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions, ServeOptions
@@ -105,7 +104,7 @@ def _within(context: Context, site: Site, method: str, path: str, body: bytes) -
     return context.copy().run(site.answer, method, path, body)
 
 
-@checked
+@job_function
 def serve(
     source: Any,
     *,
@@ -169,11 +168,8 @@ def serve(
     options = build(ServeOptions, locals())
     request = FieldMapRequest(options.division.segment_params(), size)
     run = thread_pool(threads)
-    with allowing(allow_path, allow_network):
-        raster = open_source(source, options.read)
-        server = MapServer(raster, request, Work(tile, run, run), port, photos, mission)
-    warn(server.warnings)
-    return server
+    raster = open_source(source, options.read)
+    return MapServer(raster, request, Work(tile, run, run), port, photos, mission)
 
 
 @checked

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import progress_of, warn
+from uavseg.api._values import job_function, progress_of, warn
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera
 from uavseg.jobs.flights.photographs import (
@@ -16,11 +16,8 @@ from uavseg.jobs.flights.photographs import (
     footprints as run_footprints,
     georeference as run_georeference,
 )
+from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 from uavseg.options.option import build
-from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 
 @checked
@@ -77,7 +74,7 @@ def footprints(
     return found.regions.frame()
 
 
-@checked
+@job_function
 def georeference(
     photographs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     output: str | os.PathLike[str],
@@ -127,8 +124,4 @@ def georeference(
     UavsegError
         If the elevation model cannot be read, a parameter is wrong, or the map may not be written.
     """
-    options = build(GeoreferenceOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_georeference(photographs, options, progress_of(progress))
-    warn(found.warnings)
-    return found
+    return run_georeference(photographs, build(GeoreferenceOptions, locals()), progress_of(progress))

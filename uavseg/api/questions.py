@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import is_given, regions_of, warn, work
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.info import info as run_info, info_regions, names_regions, open_to_describe
@@ -22,10 +23,6 @@ from uavseg.options.option import build
 from uavseg.options.regions import InfoOptions, MatchOptions, SuggestOptions
 from uavseg.raster.summary import Summary
 from uavseg.regions.formats.metadata import RegionFile
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
 
 Sample = str | os.PathLike[str] | tuple[float, float, float]
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavseg.access import Folders, allowing
 from uavseg.api._values import regions_of, warn, work
 from uavseg.arguments import checked
+from uavseg.arrays import GeoDataFrame
 from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress
 from uavseg.jobs.divide import divide as run_divide
@@ -16,11 +17,7 @@ from uavseg.jobs.segment_classes import Small
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.option import build
 from uavseg.options.regions import DivideOptions, ExtractOptions, LevelsOptions
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
-
-    from uavseg.segmentation.blocks.block_map import BlockMap
+from uavseg.segmentation.blocks.block_map import BlockMap
 
 
 @checked

@@ -6,16 +6,15 @@ import os
 from collections.abc import Sequence
 from typing import Any
 
-from uavseg.access import Folders, allowing
-from uavseg.api._values import warn, work
-from uavseg.arguments import checked
+from uavseg.access import Folders
+from uavseg.api._values import job_function, work
 from uavseg.execution.executors import Progress
 from uavseg.jobs.maps.recognition import Description, described as run_describe, recognised as run_recognise
 from uavseg.options.maps import DescribeOptions, RecogniseOptions
 from uavseg.options.option import build
 
 
-@checked
+@job_function
 def describe(
     source: Any,
     *,
@@ -60,13 +59,10 @@ def describe(
         If regions, raster or map cannot be read or do not fit together, or a parameter is wrong.
     """
     options = build(DescribeOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_describe(options, work(options.run, progress))
-    warn(found.warnings)
-    return found
+    return run_describe(options, work(options.run, progress))
 
 
-@checked
+@job_function
 def recognise(
     source: Any,
     library: str | os.PathLike[str],
@@ -115,7 +111,4 @@ def recognise(
         As of `describe`; if the library cannot be read, holds no name, or there is no region of an id.
     """
     options = build(RecogniseOptions, locals())
-    with allowing(allow_path, allow_network):
-        found = run_recognise(options, work(options.run, progress))
-    warn(found.warnings)
-    return found
+    return run_recognise(options, work(options.run, progress))

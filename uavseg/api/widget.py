@@ -9,10 +9,11 @@
 import inspect
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavseg.access import allowing
 from uavseg.api.rasters import extract
+from uavseg.arrays import GeoDataFrame
 from uavseg.errors import IntensityRangeError, MissingLibraryError, ParameterError
 from uavseg.execution.executors import threads as thread_pool
 from uavseg.jobs.source.open_source import open_source
@@ -21,9 +22,6 @@ from uavseg.jobs.web_map.content import FieldMapRequest, field_map
 from uavseg.options.option import build
 from uavseg.options.pages import MapOptions
 from uavseg.plot.web import field_map as web_page
-
-if TYPE_CHECKING:
-    from geopandas import GeoDataFrame
 
 try:
     import anywidget

@@ -52,14 +52,13 @@ _COMMANDS = {
 }
 
 # Modules of commands that share one, in which they are functions of their own name.
-_BESIDE = dict.fromkeys(("footprints", "georeference"), "photographs")
-_BESIDE |= dict.fromkeys(("mask", "merge-maps", "simulate"), "build_map")
+_BESIDE = dict.fromkeys(("mask", "merge-maps", "simulate"), "build_map")
 _BESIDE |= dict.fromkeys(("cameras", "warm-up"), "doctor")
-_BESIDE |= dict.fromkeys(("describe", "recognise"), "classify")
+_BESIDE |= dict.fromkeys(("compare", "describe", "recognise"), "classify")
 _BESIDE |= dict.fromkeys(("levels", "original"), "divide")
 _BESIDE |= dict.fromkeys(("next-view", "path"), "explore")
-_BESIDE |= dict.fromkeys(("upload", "download"), "check")
-_BESIDE |= {"resume": "plan", "serve": "map"}
+_BESIDE |= dict.fromkeys(("upload", "download", "footprints", "georeference"), "check")
+_BESIDE |= {"info": "preview", "resume": "plan", "serve": "map"}
 
 
 class CommandGroup(click.Group):

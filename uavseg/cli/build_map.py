@@ -4,13 +4,13 @@ from pathlib import Path
 
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, showing_phases
-from uavseg.cli.write import check_distinct, creation_of, keep_inputs, transaction
+from uavseg.cli.write import check_distinct, check_output, creation_of, keep_inputs, transaction
 from uavseg.errors import OutputError
 from uavseg.options.maps import BuildMapOptions, MaskOptions, MergeMapsOptions, SimulateOptions
 
 
 @job_command("build-map", BuildMapOptions)
-def command(options: BuildMapOptions) -> None:
+def command(options: BuildMapOptions, reporter: Reporter) -> None:
     """Merge the scans of a recorded BAG into a map, each beam at the pose of the sensor at its time.
 
     BAG is a .bag of ROS 1, or a folder, a .mcap or a .db3 of ROS 2; ROS itself is not needed
@@ -25,7 +25,6 @@ def command(options: BuildMapOptions) -> None:
     from uavseg.jobs.maps.build_map import build_map, merge_params, topics_of
     from uavseg.occupancy.map_file import check_map_path, shares_of
 
-    reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
     files = check_map_path(target, overwrite, mode)
     folder = Path(options.bag)
@@ -47,25 +46,23 @@ def command(options: BuildMapOptions) -> None:
 
 
 @job_command("merge-maps", MergeMapsOptions)
-def merge_maps(options: MergeMapsOptions) -> None:
+def merge_maps(options: MergeMapsOptions, reporter: Reporter) -> None:
     """Merge MAPs that lie in one frame into one; a single MAP may be cropped and turned.
 
     A MAP is the YAML file of a ROS map, or a raster of probabilities in metres. The cells are those of the
     first MAP, as far as all of them reach. Where maps differ, the value farthest from 0.5 counts; what is
     occupied in one of them is occupied. Turning and other resolutions lose no obstacle.
     """
-    from uavseg.jobs.maps.merge_maps import MergeRequest, merge_maps
+    from uavseg.jobs.maps.merge_maps import merge_maps
     from uavseg.occupancy.map_file import check_map_path, shares_of
     from uavseg.occupancy.ros.ros_map import placement
 
-    reporter = Reporter(options.messages)
     target, overwrite, mode = options.output, options.files.overwrite, options.mode.mode
     files = check_map_path(target, overwrite, mode)
     keep_inputs(files, *options.maps)
     creation_of(options.creation, {target: "float32"})
-    request = MergeRequest(options.crop, options.unrotate, options.resolution)
     with showing_phases(reporter.quiet):
-        found = merge_maps(options.maps, request)
+        found = merge_maps(options.maps, options.crop, options.unrotate, options.resolution)
     reporter.finish(found.warnings)
     with transaction():
         found.write(target, overwrite, options.creation.creation_options, mode)
@@ -80,7 +77,7 @@ def merge_maps(options: MergeMapsOptions) -> None:
 
 
 @job_command("mask", MaskOptions)
-def mask(options: MaskOptions) -> None:
+def mask(options: MaskOptions, reporter: Reporter) -> None:
     """Make a mask of REGIONS for a costmap filter of Nav2: a robot keeps out of them, or is slower in them.
 
     REGIONS are polygons in the coordinates of the map, such as uavseg describe or a GIS writes. Every cell
@@ -89,7 +86,6 @@ def mask(options: MaskOptions) -> None:
     """
     from uavseg.jobs.maps import mask as job
 
-    reporter = Reporter(options.messages)
     found = job.mask(options.regions, options.map, options.speed, options.layer)
     files = job.check_mask_path(options.output, found.geobox, options.files.overwrite)
     keep_inputs(files, options.regions, options.map)
@@ -105,7 +101,7 @@ def mask(options: MaskOptions) -> None:
 
 
 @job_command("simulate", SimulateOptions)
-def simulate(options: SimulateOptions) -> None:
+def simulate(options: SimulateOptions, reporter: Reporter) -> None:
     """Scan a scene with a laser range finder, merge the scans in log-odds and write the map.
 
     lens and circles are the two maps of the paper, 320 x 320 cells: five views with σ = 5 cm of an object
@@ -115,27 +111,18 @@ def simulate(options: SimulateOptions) -> None:
     The truth has three bands: states (1 free, 2 unseen, 3 occupied), solid (the cell lies inside something)
     and visible (the sensor could see it, into what is solid as deep as 3 σ).
     """
-    from uavseg.jobs.maps.build_map import SimulateRequest, simulate
+    from uavseg.jobs.maps.build_map import simulate
     from uavseg.occupancy.map_file import write_map
     from uavseg.occupancy.mapping.grid import grey_picture
     from uavseg.raster.formats.geotiff import write_geotiff
     from uavseg.raster.formats.png import write_png
 
-    reporter = Reporter(options.messages)
     output, png, truth = options.output, options.png, options.truth
     scene, overwrite = options.scene, options.files.overwrite
     keep_inputs([path for path in (output, png, truth) if path], scene)
     outputs = _check_targets(output, png, truth, overwrite)
     creation = creation_of(options.creation, {output: "float32", truth: "uint8"})
-    request = SimulateRequest(
-        options.seed,
-        options.poses,
-        sigma_m=options.sigma,
-        max_range_m=options.max_range,
-        fov_deg=options.fov,
-        step_deg=options.step,
-    )
-    found = simulate(scene, request)
+    found = simulate(options)
     grid, simulation, sensor = found.grid, found.simulation, found.simulation.sensor
     tags = {"scene": scene, "seed": str(options.seed)}
     with transaction():
@@ -162,7 +149,6 @@ def simulate(options: SimulateOptions) -> None:
 def _check_targets(output: str, png: str | None, truth: str | None, overwrite: bool) -> list[str]:
     """Check that all can be written, before the work; returns the files that will be."""
     from uavseg.occupancy.map_file import check_map_path
-    from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name
 
     others = [path for path in (png, truth) if path]
@@ -171,7 +157,7 @@ def _check_targets(output: str, png: str | None, truth: str | None, overwrite: b
     if truth:
         check_geotiff_name(truth, "the truth of a scene")
     for path in others:
-        check_target(path, overwrite)
+        check_output(path, overwrite)
     paths = [*check_map_path(output, overwrite), *others]
     check_distinct(*paths)
     return paths

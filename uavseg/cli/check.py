@@ -1,20 +1,26 @@
-"""`uavseg check`, `upload` and `download`: what a mission file holds, and its way to and from a vehicle."""
+"""`uavseg check`, `upload`, `download`, `footprints`, `georeference`: missions, and what came back."""
 
 import json
 from typing import TYPE_CHECKING, Any
 
+from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, say, show, showing_phases
-from uavseg.cli.write import keep_inputs, write_mission_output
 from uavseg.errors import MissionError
-from uavseg.options.missions import CheckOptions, DownloadOptions, UploadOptions
+from uavseg.options.missions import (
+    CheckOptions,
+    DownloadOptions,
+    FootprintsOptions,
+    GeoreferenceOptions,
+    UploadOptions,
+)
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
 
 
 @job_command("check", CheckOptions)
-def command(options: CheckOptions) -> None:
+def command(options: CheckOptions, reporter: Reporter) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
@@ -26,9 +32,9 @@ def command(options: CheckOptions) -> None:
     """
     from uavseg.jobs.flights.check import check, check_request
 
-    quiet, gaps = Reporter(options.messages).quiet, options.gaps
+    quiet, gaps = reporter.quiet, options.gaps
     if gaps is not None:
-        keep_inputs(
+        write.keep_inputs(
             [gaps], options.file, options.photos, options.regions, options.terrain.dem, options.poses.camera
         )
     with showing_phases(quiet):
@@ -91,7 +97,7 @@ def _coverage_rows(about: dict[str, Any]) -> dict[str, str]:
 
 
 @job_command("upload", UploadOptions)
-def upload(options: UploadOptions) -> None:
+def upload(options: UploadOptions, reporter: Reporter) -> None:
     """Send the mission in FILE (.plan or .waypoints) to a vehicle with its fence and rally points, read them
     back and compare.
 
@@ -104,7 +110,6 @@ def upload(options: UploadOptions) -> None:
     from uavseg.jobs.flights.link import LinkRequest, upload
     from uavseg.output.disk import noted_stream
 
-    reporter = Reporter(options.messages, options.progress)
     request = LinkRequest(options.link.connect, options.link.timeout)
     with noted_stream("the mission of the vehicle"):
         done = upload(options.file, request, reporter.progress, options.while_armed)
@@ -123,20 +128,65 @@ def vehicle_report(mission: "Mission", vehicle: str) -> str:
 
 
 @job_command("download", DownloadOptions)
-def download(options: DownloadOptions) -> None:
+def download(options: DownloadOptions, reporter: Reporter) -> None:
     """Read the mission that a vehicle holds, with its fence and rally points, to a file.
 
     The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
     """
     from uavseg.flight.formats.files import check_mission_format
     from uavseg.jobs.flights.link import LinkRequest, download
-    from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
     check_mission_format(output)
-    check_target(output, overwrite)
+    write.check_output(output, overwrite)
     found = download(LinkRequest(options.link.connect, options.link.timeout), reporter.progress)
-    unwritten = write_mission_output(found.mission, output, overwrite)
+    unwritten = write.write_mission_output(found.mission, output, overwrite)
     reporter.finish((*found.warnings, *unwritten))
     reporter.say(f"{output}: {vehicle_report(found.mission, found.vehicle)}")
+
+
+@job_command("footprints", FootprintsOptions)
+def footprints(options: FootprintsOptions, reporter: Reporter) -> None:
+    """Draw the ground that each PHOTO (a file, or a folder with its subfolders) shows.
+
+    Position, height, angles of the camera and focal length are those of the EXIF and XMP tags of DJI, Autel,
+    Parrot, Skydio, senseFly and Pix4D, and of geotags alone. A photograph that cannot be placed is left out,
+    and named with the reason.
+    """
+    from uavseg.jobs.flights import photographs as job
+    from uavseg.regions.formats import export
+
+    target, overwrite = options.output, options.files.overwrite
+    write.check_targets(target, None, overwrite)
+    write.keep_inputs([target], options.poses.dem, options.poses.camera)
+    found = job.footprints(options.photographs, options, reporter.progress)
+    reporter.finish([*found.warnings, *export.format_notes(found.regions, target)])
+    write.write_region_output(found, target, overwrite)
+    area = found.regions.columns["area_m2"]
+    reporter.table(
+        footprints=f"{len(found.regions):,} -> {write.shown(target)}",
+        areas=f"{area.min():,.1f} to {area.max():,.1f} m2",
+        seconds=f"{reporter.seconds:.2f}",
+    )
+
+
+@job_command("georeference", GeoreferenceOptions)
+def georeference(options: GeoreferenceOptions, reporter: Reporter) -> None:
+    """Make a map of PHOTOs (files, or folders with their subfolders) by their pose, without photogrammetry.
+
+    Tags are read as by `uavseg footprints`. Each pixel is of the photograph whose camera is nearest; ground
+    that is hidden or near the horizon stays empty. The likely error in metres is said at the end, and is
+    among the tags of the map. `uavseg extract` and `uavseg match` take the map as it is.
+    """
+    from uavseg.jobs.flights import photographs as job
+
+    found = job.georeference(options.photographs, options, reporter.progress)
+    reporter.finish(found.warnings)
+    rows, cols = found.geobox.shape
+    pixels = f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm"
+    reporter.table(
+        photos=f"{len(found.photographs):,}",
+        map=f"{pixels} -> {write.shown(str(found.path))}",
+        error=f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
+        seconds=f"{reporter.seconds:.2f}",
+    )

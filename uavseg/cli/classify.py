@@ -1,4 +1,4 @@
-"""`uavseg classify`, `describe` and `recognise`: states of a map, its objects, their measures and names."""
+"""`uavseg classify`, `describe`, `recognise` and `compare`: what a map or regions hold, and what changed."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +11,7 @@ from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, work_of
 from uavseg.errors import OutputError
 from uavseg.options.maps import ClassifyOptions, DescribeOptions, RecogniseOptions
+from uavseg.options.regions import CompareOptions
 
 if TYPE_CHECKING:
     from uavseg.jobs.maps.classify import Classification
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @job_command("classify", ClassifyOptions)
-def command(options: ClassifyOptions) -> None:
+def command(options: ClassifyOptions, reporter: Reporter) -> None:
     """Find what is free (1), unknown (2) and occupied (3) in MAP; 0 is nodata.
 
     MAP is a raster of probabilities, integers from 0 to the largest of their type or floats from 0 to 1, or
@@ -33,17 +34,15 @@ def command(options: ClassifyOptions) -> None:
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.map_file import write_states
     from uavseg.occupancy.ros.ros_map import check_ros_map, image_path, is_ros_map
-    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import check_region_crs
 
-    reporter = Reporter(options.messages, options.progress)
     target = options.output or f"{Path(options.path).stem}.states.tif"
     request = classify_request(options)
     creation = write.creation_of(options.creation, {options.labels: "uint32", target: "uint8"})
     overwrite = options.files.overwrite
     if Path(target).suffix.lower() not in (".tif", ".tiff", ".yaml", ".yml"):
         raise OutputError(f"{target}: states are written to .tif, or to .yaml for a ROS map")
-    check_target(target, overwrite)
+    write.check_output(target, overwrite)
     write.check_targets(options.objects, options.labels, overwrite)
     write.check_distinct(target, options.objects, options.labels)
     mode = options.mode.mode or "trinary"
@@ -95,7 +94,7 @@ def _rows(found: "Classification", limits: "StateLimits", target: str, objects: 
 
 
 @job_command("describe", DescribeOptions)
-def describe(options: DescribeOptions) -> None:
+def describe(options: DescribeOptions, reporter: Reporter) -> None:
     """Measure the shape, texture and bands of REGIONS, or of the occupied objects of MAP.
 
     REGIONS is a file of polygons, such as `uavseg extract` writes. MAP is a raster of probabilities or the
@@ -103,15 +102,16 @@ def describe(options: DescribeOptions) -> None:
     """
     from uavseg.jobs.maps.recognition import described
 
-    run_described(options, described)
+    run_described(options, reporter, described)
 
 
-def run_described(options: Any, job: Callable[..., Any], library: str | None = None) -> None:
+def run_described(
+    options: Any, reporter: Reporter, job: Callable[..., Any], library: str | None = None
+) -> None:
     """Run a job that gives described regions and write them; with a library, count their names."""
     from uavseg.regions.formats import export
 
     target, overwrite = options.output, options.files.overwrite
-    reporter = Reporter(options.messages, options.progress)
     write.check_targets(target, None, overwrite)
     write.keep_inputs([target], options.source, options.raster, library)
     found = job(options, work_of(options.run, reporter))
@@ -125,7 +125,7 @@ def run_described(options: Any, job: Callable[..., Any], library: str | None = N
 
 
 @job_command("recognise", RecogniseOptions)
-def recognise(options: RecogniseOptions) -> None:
+def recognise(options: RecogniseOptions, reporter: Reporter) -> None:
     """Name REGIONS, or the occupied objects of MAP, by the nearest described examples of a library.
 
     The outline of each example is fitted to what was seen of an object, by position, rotation and size.
@@ -139,4 +139,50 @@ def recognise(options: RecogniseOptions) -> None:
         raise click.UsageError("--learn NAME and --ids N,... belong together")
     if (options.output is None) == (options.learn is None):
         raise click.UsageError("give either -o PATH, to name regions, or --learn NAME, to add examples")
-    run_described(options, recognised, options.library)
+    run_described(options, reporter, recognised, options.library)
+
+
+@job_command("compare", CompareOptions)
+def compare(options: CompareOptions, reporter: Reporter) -> None:
+    """Find what changed from BEFORE to AFTER, two rasters or two maps of probabilities of one place.
+
+    With a range or classes, as of `uavseg extract`: what was gained and lost, on the finer of their grids.
+    Without, they are maps, which are registered first, within 5 cells and 2 degrees. What is new or gone is
+    free in the other map; what is first seen or not seen again is unknown there.
+    """
+    from uavseg.jobs.maps.compare import compare, compare_job, open_both
+    from uavseg.regions.edit.small import as_area
+    from uavseg.regions.formats import export
+
+    output, png, overwrite = options.output, options.png, options.files.overwrite
+    job, least = compare_job(options), as_area(options.min_area)
+    write.check_targets(output, None, overwrite)
+    write.check_distinct(output, png)
+    write.keep_inputs([output, png], options.before, options.after, options.read.aoi)
+    if png is not None:
+        from uavseg.plot.page.page import check_png_target
+
+        check_png_target(png, overwrite)
+    before, after = open_both(options.before, options.after, job, options.read)
+    export.check_region_crs(output, before.geobox.wkt)
+    export.check_region_crs(output, after.geobox.wkt)
+    found = compare(before, after, job, least, work_of(options.run, reporter))
+    reporter.finish([*found.warnings, *export.format_notes(found.regions, output)])
+    with write.transaction():
+        if png is not None:
+            from uavseg.plot.preview import preview
+
+            preview(after.dataset, png, found.frame(), stretch=after.stretch, overwrite=overwrite)
+        write.write_region_output(found, output, overwrite)
+    rows = {"changes": f"{len(found.regions):,} -> {write.shown(output)}"}
+    how, unit = found.registration, "m2"
+    if how is not None:
+        where = f"{how.shift[0]:.2f}, {how.shift[1]:.2f} cells and {how.angle_deg:.2f} degrees"
+        rows["shift"] = f"{where}; {100 * how.share:.1f} % of the occupied cells lie on each other"
+    else:
+        unit = "square units" if found.regions.wkt is None else unit
+        inside = [f"{name} {found.before[name]:,} to {found.after[name]:,}" for name in found.before]
+        rows["pixels"] = f"{', '.join(inside)}, of {found.common:,} on the grid of {found.grid.upper()}"
+    sums = [f"{name} {n:,} pixels, {area:,.2f} {unit}" for name, (n, area) in found.changes.items() if n]
+    rows["sums"] = "; ".join(sums) or "no change"
+    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})

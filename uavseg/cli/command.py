@@ -5,31 +5,37 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import click
 from click.shell_completion import CompletionItem
 
+from uavseg.cli.terminal.say import Reporter
 from uavseg.options.option import Option, arguments_of, build, options_of
 from uavseg.options.reading import AccessOptions
 from uavseg.options.texts import OptionTextError
 
-T = TypeVar("T")
 _HELP_ALL = "--help-all"
 ARGUMENTS = "uavseg.arguments"  # of a command, as they were given, in the meta of its context
 _FILES = {"RASTER", "PATH", "FILE", "DEM", "SAMPLE", "MAP", "REGIONS", "BAG", "LABELS", "SCENE"}
 _FILES |= {"MISSION", "LOG"}
 
 
-def job_command(name: str, job: type[T]) -> Callable[[Callable[[T], None]], click.Command]:
-    """Make a command of a function that takes the options of a job, a dataclass; see `uavseg.options`."""
+def job_command(name: str, job: type) -> Callable[[Callable[..., None]], click.Command]:
+    """Make a command of a function that takes the options of a job, a dataclass; see `uavseg.options`.
 
-    def wrap(function: Callable[[T], None]) -> click.Command:
+    Where they choose what is printed, it takes a reporter too.
+    """
+
+    def wrap(function: Callable[..., None]) -> click.Command:
         def run(**values: Any) -> None:
-            options = build(job, values)
-            access = getattr(options, "access", None)
+            options: Any = build(job, values)
+            access, messages = getattr(options, "access", None), getattr(options, "messages", None)
             with nullcontext() if access is None else _allowed(access):
-                function(options)
+                if messages is None:
+                    function(options)
+                else:
+                    function(options, Reporter(messages, getattr(options, "progress", None)))
 
         params = [*_arguments(job), *_options(job), _help_all()]
         made = JobCommand(name, callback=run, params=params, help=function.__doc__)

@@ -18,7 +18,7 @@ _LISTED = 8  # levels in the table at the end
 
 
 @job_command("divide", DivideOptions)
-def command(options: DivideOptions) -> None:
+def command(options: DivideOptions, reporter: Reporter) -> None:
     """Divide RASTER... (many are one mosaic, a YAML file is a ROS map) into blocks of uniform texture.
 
     The block map is a GeoTIFF of 8 x 8 pixel cells. Its first two bands are for looking at: the mean and the
@@ -27,15 +27,12 @@ def command(options: DivideOptions) -> None:
     """
     from uavseg.jobs.divide import divide
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.segmentation.blocks.block_file import check_block_map_name, write_block_map
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters
     check_block_map_name(output)
     creation = write.creation_of(options.creation, {output: "uint32"})
-    check_target(output, overwrite)
-    write.keep_inputs([output], rasters)
+    write.check_output(output, overwrite, rasters)
     segment = options.division.segment_params()
     found = divide(open_source(rasters, options.read), segment, work_of(options.run, reporter))
     write_block_map(output, found.saved, segment.division, overwrite, creation)
@@ -54,7 +51,7 @@ def command(options: DivideOptions) -> None:
 
 
 @job_command("levels", LevelsOptions)
-def levels(options: LevelsOptions) -> None:
+def levels(options: LevelsOptions, reporter: Reporter) -> None:
     """Divide RASTER... (many are one mosaic) into levels of v: 0..P, P..2P, and so on up to 1.
 
     A segment is what adjacent pixels of one level make together; a value on an edge belongs to the level
@@ -68,7 +65,6 @@ def levels(options: LevelsOptions) -> None:
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
 
-    reporter = Reporter(options.messages, options.progress)
     if (options.width is None) == (options.breaks is None):
         raise click.UsageError("give --width P, or --breaks V,V,... (or otsu, quantile)")
     job = region_job(options)
@@ -116,7 +112,7 @@ def _levels_row(found: "Extraction", request: "LevelsRequest") -> str:
 
 
 @job_command("original", OriginalOptions)
-def original(options: OriginalOptions) -> None:
+def original(options: OriginalOptions, reporter: Reporter) -> None:
     """Segment RASTER... (many are one mosaic) by texture alone, as Ojala and Pietikäinen did in 1999.
 
     The baseline: blocks are divided, adjacent regions of like texture merged, boundary pixels classified one
@@ -125,19 +121,16 @@ def original(options: OriginalOptions) -> None:
     """
     from uavseg.jobs.original import original
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.grid.tiling import Window
     from uavseg.segmentation.lbpc import LbpcParams
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite, rasters = options.output, options.files.overwrite, options.source.rasters
     names = ("threshold", "untested", "radius", "sweeps")
     request = LbpcParams(stop=options.merge_stop, **{name: getattr(options, name) for name in names})
     check_geotiff_name(output, "a label raster")
     creation = write.creation_of(options.creation, {output: "uint32"})
-    check_target(output, overwrite)
-    write.keep_inputs([output], rasters)
+    write.check_output(output, overwrite, rasters)
     found = original(open_source(rasters, options.read), request, work_of(options.run, reporter))
     geobox = found.source.geobox
     tiles = [(Window(0, 0, *geobox.shape), found.labels)]

@@ -26,7 +26,7 @@ def command(options: DoctorOptions) -> None:
 
 
 @job_command("warm-up", WarmUpOptions)
-def warm_up(options: WarmUpOptions) -> None:
+def warm_up(options: WarmUpOptions, reporter: Reporter) -> None:
     """Load everything once, and compile what has to be compiled, so that later commands start at once.
 
     Run it after an installation or an upgrade, before going to the field. On Linux with an x86-64 processor
@@ -35,7 +35,6 @@ def warm_up(options: WarmUpOptions) -> None:
     """
     from uavseg.jobs.install.doctor import warm_up
 
-    reporter = Reporter(options.messages, options.progress)
     done = warm_up(options.processes, reporter.progress)
     reporter.finish()
     reporter.say(str(done))

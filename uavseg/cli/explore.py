@@ -17,21 +17,20 @@ _LINES = (".geojson", ".json", ".yaml", ".yml")
 
 
 @job_command("explore", ExploreOptions)
-def command(options: ExploreOptions) -> None:
+def command(options: ExploreOptions, reporter: Reporter) -> None:
     """Explore a scene with a laser range finder: scan, go to the next view, until all is known.
 
     The scene is that of `uavseg simulate`, or MAP: a robot's map (YAML or raster), whose free cells the robot
     may enter and whose others are solid. It knows nothing of them but what it scans, every 0.25 m.
     """
-    from uavseg.jobs.maps.explore import explore, explore_request
+    from uavseg.jobs.maps.explore import explore
     from uavseg.occupancy.map_file import write_map
     from uavseg.plot.drive_animation import write_animation
 
-    reporter = Reporter(options.messages)
     overwrite = options.files.overwrite
     _check_targets(options)
     with showing_phases(reporter.quiet):
-        found = explore(options.scene, explore_request(options))
+        found = explore(options)
     reporter.finish(found.warnings)
     with write.transaction():
         write.write_text(options.output, found.to_geojson(), overwrite)
@@ -53,7 +52,6 @@ def command(options: ExploreOptions) -> None:
 
 def _check_targets(options: ExploreOptions) -> None:
     from uavseg.occupancy.map_file import check_map_path
-    from uavseg.output.atomic import check_target
 
     overwrite = options.files.overwrite
     for path, suffix, what in (
@@ -65,7 +63,7 @@ def _check_targets(options: ExploreOptions) -> None:
             continue
         if Path(path).suffix.lower() != suffix:
             raise OutputError(f"{path}: {what} is written to {suffix}")
-        check_target(path, overwrite)
+        write.check_output(path, overwrite)
     maps = check_map_path(options.map, overwrite) if options.map else []
     files = [path for path in (options.output, options.table, options.animation) if path and path != "-"]
     write.check_distinct(*files, *maps)
@@ -73,26 +71,22 @@ def _check_targets(options: ExploreOptions) -> None:
 
 
 @job_command("next-view", NextViewOptions)
-def next_view(options: NextViewOptions) -> None:
+def next_view(options: NextViewOptions, reporter: Reporter) -> None:
     """Find the poses from which a robot at --pose would see what is unknown in MAP, the best first.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. Views stand on free cells and see borders
     of free and unknown ones; the best begins a short tour through all of them, which ends where unknown space
     goes on farthest.
     """
-    from uavseg.jobs.maps.next_view import next_views, view_request
+    from uavseg.jobs.maps.next_view import check_view, next_views
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_text import check_path_crs
-    from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
-    request = view_request(options)
-    if options.output != "-":
-        check_target(options.output, options.files.overwrite)
-    write.keep_inputs([options.output], options.map_)
+    check_view(options)
+    write.check_output(options.output, options.files.overwrite, options.map_)
     source = open_probability_map(options.map_, options.read)
     check_path_crs(source.geobox)
-    found = next_views(source, request, work_of(options.run, reporter))
+    found = next_views(source, options, work_of(options.run, reporter))
     reporter.finish(found.warnings)
     write.write_text(options.output, found.to_geojson(), options.files.overwrite)
     for rank, view in enumerate(found.views, start=1):
@@ -105,7 +99,7 @@ def next_view(options: NextViewOptions) -> None:
 
 
 @job_command("path", PathOptions)
-def path(options: PathOptions) -> None:
+def path(options: PathOptions, reporter: Reporter) -> None:
     """Find the shortest path over the cells of a region of MAP, from --start to --goal.
 
     MAP is a raster of probabilities, or the YAML file of a ROS map. The region is that of `uavseg extract`
@@ -116,15 +110,11 @@ def path(options: PathOptions) -> None:
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths import path_text
     from uavseg.occupancy.ros.ros_map import is_ros_map
-    from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages, options.progress)
     output, overwrite = options.output, options.files.overwrite
     write.check_ranges(options.ranges, {})
     request, flight = path_request(options), _flight(options)
-    if output != "-":
-        check_target(output, overwrite)
-    write.keep_inputs([output], options.map_)
+    write.check_output(output, overwrite, options.map_)
     source = open_probability_map(options.map_, options.read)
     path_text.check_path_crs(source.geobox)
     if is_ros_map(output) and source.geobox.crs is not None:

@@ -20,7 +20,7 @@ _LISTED = 12  # classes in the table at the end
 
 
 @job_command("extract", ExtractOptions)
-def command(options: ExtractOptions) -> None:
+def command(options: ExtractOptions, reporter: Reporter) -> None:
     """Extract the regions of RASTER... (many are one mosaic) whose mean intensity lies in a range.
 
     RASTER may be a folder, a pattern in quotes, @LIST (a file of names), ITEM.json#ASSET (of STAC) or -
@@ -32,10 +32,8 @@ def command(options: ExtractOptions) -> None:
     write.check_ranges(options.ranges, {"--class": options.class_texts, "--classes": options.classes})
     from uavseg.jobs.requests import region_job
     from uavseg.jobs.source.open_source import open_source
-    from uavseg.output.atomic import check_target
     from uavseg.regions.formats.export import is_region_folder
 
-    reporter = Reporter(options.messages, options.progress)
     job = region_job(options)
     _check_classes(options, _class_names(job.request))
     if write.answer_each(options, job, ".regions.geojson", reporter):
@@ -54,7 +52,7 @@ def command(options: ExtractOptions) -> None:
     read = [zone for zone in avoid if isinstance(zone, str)], options.flight.terrain.dem
     files = write.RegionFiles(options, ".regions.geojson", *read, others=[options.mission])
     if options.mission is not None:
-        check_target(options.mission, options.files.overwrite)
+        write.check_output(options.mission, options.files.overwrite)
     source = open_source(options.source.rasters, job.read)
     files.check_crs(source.geobox.wkt)
     if flight is not None:

@@ -6,7 +6,7 @@ from uavseg.options.pages import MapOptions, ServeOptions
 
 
 @job_command("map", MapOptions)
-def command(options: MapOptions) -> None:
+def command(options: MapOptions, reporter: Reporter) -> None:
     """Make one HTML file of RASTER... (many are one mosaic) that a browser shows without network: the raster,
     regions, missions, and a slider that extracts regions of a range at the scale of blocks.
 
@@ -18,7 +18,6 @@ def command(options: MapOptions) -> None:
     from uavseg.plot.web.field_map import PageFile
     from uavseg.raster.read.source_list import stem_of
 
-    reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     rasters, overwrite = options.source.rasters, options.files.overwrite
     output = options.output or f"{stem_of(rasters[0])}.map.html"
@@ -39,7 +38,7 @@ def command(options: MapOptions) -> None:
 
 
 @job_command("serve", ServeOptions)
-def serve(options: ServeOptions) -> None:
+def serve(options: ServeOptions, reporter: Reporter) -> None:
     """Serve the page of RASTER... (many are one mosaic) to a browser on this computer, until Ctrl-C.
 
     The page is that of `uavseg map`, with tiles in full resolution, exact regions of a range or like a
@@ -53,7 +52,6 @@ def serve(options: ServeOptions) -> None:
     from uavseg.jobs.web_map.content import FieldMapRequest
     from uavseg.output.disk import written_here
 
-    reporter = Reporter(options.messages, options.progress)
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     source = open_source(options.source.rasters, options.read)
     work, photos, mission = work_of(options.run, reporter), options.photos, options.mission

@@ -26,7 +26,7 @@ _MAX_ANSWER = 1 << 16  # bytes of a line
 
 
 @job_command("match", MatchOptions)
-def command(options: MatchOptions) -> None:
+def command(options: MatchOptions, reporter: Reporter) -> None:
     """Find the regions of RASTER... (many are one mosaic) that look like a sample of it.
 
     By color: mixtures of few kinds of ground are fitted to the colors of the whole raster, and those that are
@@ -58,7 +58,6 @@ def command(options: MatchOptions) -> None:
     from uavseg.jobs.match.request import ANSWERS
     from uavseg.jobs.requests import region_job
 
-    reporter = Reporter(options.messages, options.progress)
     _check_samples(options)
     job = region_job(options)
     if write.answer_each(options, job, ".match.geojson", reporter):

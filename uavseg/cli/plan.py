@@ -8,13 +8,13 @@ import click
 from uavseg.cli.command import job_command
 from uavseg.cli.mission_report import missions_json, report
 from uavseg.cli.terminal.say import Reporter, show, showing_phases
-from uavseg.cli.write import keep_inputs, write_plan_output
+from uavseg.cli.write import check_output, write_plan_output
 from uavseg.options.flights import PlanOptions
 from uavseg.options.missions import ResumeOptions
 
 
 @job_command("plan", PlanOptions)
-def command(options: PlanOptions) -> None:
+def command(options: PlanOptions, reporter: Reporter) -> None:
     """Plan a flight over REGIONS, a file of polygons (- is GeoJSON from standard input).
 
     Take off at home, fly to or over the chosen regions in a short order, return. The file is for
@@ -25,16 +25,13 @@ def command(options: PlanOptions) -> None:
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.plan import plan
     from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
-    from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages)
     output, overwrite, avoid = options.output, options.files.overwrite, options.mission.safety.avoid
     if options.footprints and not options.as_json:
         raise click.UsageError("--footprints are a part of --json; give both")
     files.file_options(output, **asdict(options.mission.files))
-    check_target(output, overwrite)
     names = [zone for zone in avoid if isinstance(zone, str)]
-    keep_inputs([output], options.regions, options.raster, names, options.mission.terrain.dem)
+    check_output(output, overwrite, options.regions, options.raster, names, options.mission.terrain.dem)
     request = plan_request(options)
     regions = click.open_file("-", "rb").read() if options.regions == "-" else options.regions
     with showing_phases(reporter.quiet):
@@ -58,7 +55,7 @@ def command(options: PlanOptions) -> None:
 
 
 @job_command("resume", ResumeOptions)
-def resume(options: ResumeOptions) -> None:
+def resume(options: ResumeOptions, reporter: Reporter) -> None:
     """Plan the rest of MISSION (any file that uavseg check reads), whose flight was cut.
 
     Take off as before, fly to the last photograph, take it again, and go on with what is left; camera,
@@ -66,12 +63,10 @@ def resume(options: ResumeOptions) -> None:
     """
     from uavseg.flight.formats import files
     from uavseg.jobs.flights.resume import resume
-    from uavseg.output.atomic import check_target
 
-    quiet, output, overwrite = Reporter(options.messages).quiet, options.output, options.files.overwrite
+    quiet, output, overwrite = reporter.quiet, options.output, options.files.overwrite
     files.file_options(output, **asdict(options.mission_files))
-    check_target(output, overwrite)
-    keep_inputs([output], options.file, options.start if isinstance(options.start, str) else None)
+    check_output(output, overwrite, options.file, options.start if isinstance(options.start, str) else None)
     with showing_phases(quiet):
         planned = resume(options.file, options.start)
     paths, unwritten = write_plan_output(planned, output, overwrite, options.mission_files)

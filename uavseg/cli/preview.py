@@ -1,5 +1,7 @@
-"""`uavseg preview`: a picture of a raster with what was found in it, or of missions alone."""
+"""`uavseg preview` and `uavseg info`: a raster, what was found in it and missions, drawn and in words."""
 
+import json
+import sys
 from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
@@ -7,17 +9,18 @@ from pathlib import Path
 import click
 
 from uavseg.cli.command import job_command
-from uavseg.cli.terminal.say import Reporter
+from uavseg.cli.terminal.say import Reporter, saying_decisions, show
 from uavseg.cli.write import warnings_of
 from uavseg.errors import ParameterError
 from uavseg.options.pages import PreviewOptions
 from uavseg.options.reading import ReadOptions
+from uavseg.options.regions import InfoOptions
 
 _LAYERS = ("levels", "states", "leaves", "labels", "regions", "path", "mission")
 
 
 @job_command("preview", PreviewOptions)
-def command(options: PreviewOptions) -> None:
+def command(options: PreviewOptions, reporter: Reporter) -> None:
     """Draw RASTER (many are one mosaic, a YAML file is a ROS map) as a PNG picture, three bands in their
     colours and one in grey, with a scale bar and what is named: the outlines and ids of regions, the legs of
     missions in their order with their fence, the states or the levels of segments, the contours of labels,
@@ -31,7 +34,6 @@ def command(options: PreviewOptions) -> None:
     drawn with free cells black and occupied ones white (--stretch none, where it holds floats and neither
     --states nor --path are given).
     """
-    reporter = Reporter(options.messages)
     missions = _missions_alone(options)
     if missions:
         _draw_missions(missions, options, reporter)
@@ -96,3 +98,43 @@ def _draw_raster(options: PreviewOptions, reporter: Reporter) -> None:
         _, notes = warnings_of(lambda: preview(source.dataset, out, **drawn, stretch=stretch, collar=collar))
     reporter.finish((*source.warnings, *work.bad_block_warnings, *notes))
     reporter.say(f"wrote {out}")
+
+
+@job_command("info", InfoOptions)
+def info(options: InfoOptions) -> None:
+    """Tell the size, place, bands, nodata and intensity of RASTER (many are one mosaic), how that intensity
+    is stretched, and a command to try next: the rarer of dark and bright pixels. `uavseg suggest` takes
+    longer and proposes ranges from the means of leaves, with what each would give.
+
+    Every pixel is counted up to 100 megapixels; a larger raster is looked at from afar, and it is said so.
+
+    RASTER may also be a file of regions (.geojson, .gpkg, .fgb, .parquet, .shp, .kml): then its format, CRS,
+    extent and columns are told, and from what and how the regions were made, where the file says so.
+    """
+    from uavseg.jobs.info import info, info_regions, names_regions, open_to_describe
+    from uavseg.plot.summary_text import region_file_text, summary_text
+
+    if options.verbose:
+        saying_decisions()
+    rasters = options.source.rasters
+    if names_regions(rasters):
+        file = info_regions(rasters, options.read)
+        text, values = region_file_text(file), file.as_dict()
+    else:
+        from uavseg.execution.executors import threads
+        from uavseg.jobs.source.work import Work
+
+        work = Work(executor=threads(options.threads))
+        summary = info(open_to_describe(rasters, options.read), work, rasters)
+        text, values = summary_text(summary), summary.as_dict()
+    if options.as_json:
+        show(json.dumps(values, indent=2, allow_nan=False))
+    else:
+        encoding = getattr(sys.stdout, "encoding", None) or "utf-8"
+        try:
+            text.encode(encoding)
+        except UnicodeEncodeError:  # no bars: # in their place
+            text = "".join(
+                "#" if "▁" <= letter <= "█" else "" if "█" < letter <= "▏" else letter for letter in text
+            )
+        show(text)

@@ -28,7 +28,7 @@ _OF_HISTOGRAM = ("output", "classes", "method", "threshold", "intensity_step", "
 
 
 @job_command("suggest", SuggestOptions)
-def command(options: SuggestOptions) -> None:
+def command(options: SuggestOptions, reporter: Reporter) -> None:
     """Propose ranges of v for RASTER... (many are one mosaic), each with its share of the area, the number of
     regions that extracting it gives, and the command to type next. Of rasters of more than 400 megapixels,
     the number is estimated ("about").
@@ -46,14 +46,13 @@ def command(options: SuggestOptions) -> None:
     expected to agree with that: pixels that are both, as a share of those that are either.
     """
     if options.like or options.unlike or options.bands:
-        _suggest_like(options)
+        _suggest_like(options, reporter)
         return
     from uavseg.jobs.requests import suggest_request
     from uavseg.jobs.source.open_source import open_source
     from uavseg.jobs.source.source import Pixels
     from uavseg.jobs.suggest import suggest
 
-    reporter = Reporter(options.messages, options.progress)
     output, rasters, overwrite = options.output, options.source.rasters, options.files.overwrite
     request = suggest_request(options)
     if output is not None:
@@ -137,7 +136,7 @@ def _table(found: Suggestions, commands: list[str]) -> str:
 # With a sample
 
 
-def _suggest_like(options: SuggestOptions) -> None:
+def _suggest_like(options: SuggestOptions, reporter: Reporter) -> None:
     from uavseg.jobs.match.ranges_of_sample import ranges_of_sample
     from uavseg.jobs.requests import suggest_like_request
     from uavseg.jobs.source.open_source import open_all_bands
@@ -146,7 +145,6 @@ def _suggest_like(options: SuggestOptions) -> None:
         if name in _OF_HISTOGRAM:
             flag = f"--{name.replace('_', '-')}"
             raise click.UsageError(f"{flag} is for ranges without --like; leave one of them out")
-    reporter = Reporter(options.messages, options.progress)
     request = suggest_like_request(options)
     opened = open_all_bands(options.source.rasters, options.read)
     found = ranges_of_sample(opened, request, work_of(options.run, reporter))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
@@ -10,11 +11,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from uavseg.cli.terminal.say import say, show, standard_output
+from uavseg.cli.terminal.say import Reporter, say, show, standard_output
 from uavseg.errors import OutputError
 
 if TYPE_CHECKING:
-    from uavseg.cli.terminal.say import Reporter
     from uavseg.flight.mission.mission import Mission
     from uavseg.jobs.flights.photographs import Footprints
     from uavseg.jobs.flights.plan import MissionPlan
@@ -76,6 +76,15 @@ def keep_inputs(outputs: Sequence[str | None], *inputs: Any) -> None:
     from uavseg.jobs.source import inputs as read
 
     read.keep_inputs(outputs, inputs)
+
+
+def check_output(path: str, overwrite: bool, *inputs: Any) -> None:
+    """Check, before any work, that a file can be written and is none that the command reads; - is stdout."""
+    from uavseg.output.atomic import check_target
+
+    if path != "-":
+        check_target(path, overwrite)
+    keep_inputs([path], *inputs)
 
 
 def transaction() -> AbstractContextManager[None]:
@@ -141,8 +150,6 @@ def write_plan_output(
 
 def warnings_of(write: Callable[[], T]) -> tuple[T, list[str]]:
     """Return what a function returns, and its warnings, each once."""
-    import warnings
-
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         result = write()

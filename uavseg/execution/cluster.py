@@ -20,7 +20,7 @@ from platform import python_version
 from typing import Any
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ClusterError, UavsegError
+from uavseg.errors import ClusterError, UavsegError, caused_errors
 from uavseg.execution.executors import Item, Map, Progress, Result, in_order
 
 CONNECT_S = 10.0  # timeout of the connection to the scheduler
@@ -46,12 +46,9 @@ def dask(address: str) -> "Cluster":
     `address` is that of the scheduler, such as tcp://10.0.0.5:8786. A ClusterError says that dask.distributed
     is not installed, that no scheduler answers, or that a worker has other versions.
     """
-    try:
+    missing = '--scheduler needs dask.distributed; install it with: pip install "uavseg[cluster]"'
+    with caused_errors(missing, ClusterError, ImportError, form="{}"):
         from distributed import Client
-    except ImportError as error:
-        raise ClusterError(
-            '--scheduler needs dask.distributed; install it with: pip install "uavseg[cluster]"'
-        ) from error
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # about versions of packages, which are checked below

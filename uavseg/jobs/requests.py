@@ -15,6 +15,7 @@ from uavseg.jobs.source.open_source import open_all_bands, open_source, pixels_o
 from uavseg.jobs.source.source import Source
 from uavseg.jobs.source.work import Work
 from uavseg.options.classes import classes_of_options, requested_range
+from uavseg.options.reading import ReadOptions
 from uavseg.options.regions import ExtractOptions, LevelsOptions, MatchOptions, SuggestOptions
 from uavseg.raster.grid.geobox import as_length
 from uavseg.regions.edit.small import as_area
@@ -23,7 +24,6 @@ from uavseg.segmentation.params.segment import Levels
 if TYPE_CHECKING:
     from uavseg.jobs.match.ranges_of_sample import SuggestLikeRequest
     from uavseg.jobs.suggest import SuggestRequest
-    from uavseg.options.reading import ReadOptions
     from uavseg.regions.sample.place import Disc
 
 
@@ -34,10 +34,10 @@ Find = Callable[..., Extraction]
 class RegionJob:
     """A job that finds regions in a source: how that is read, and what `find` answers, the request."""
 
-    read: "ReadOptions"
+    read: ReadOptions
     find: Callable[[Source, Work], Extraction]
     request: Any = None
-    opened: "Callable[[Any, ReadOptions], Source]" = open_source  # by what its sources are opened
+    opened: Callable[[Any, ReadOptions], Source] = open_source  # by what its sources are opened
 
 
 def region_job(options: ExtractOptions | LevelsOptions | MatchOptions) -> RegionJob:

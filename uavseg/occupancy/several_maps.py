@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Bools, Float32s, Floats, Integers, Uint8s, Uint32s
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError, RasterError
+from uavseg.errors import MapError, RasterError, named_errors
 from uavseg.occupancy.map_file import FREE_UP_TO, OCCUPIED_FROM, trinary_states
 from uavseg.occupancy.mapping.grid_io import check_cells
 from uavseg.occupancy.ros.ros_map import placement, transform_of
@@ -68,10 +68,8 @@ def common_grid(maps: Sequence[PlacedMap], unrotate: bool, resolution: float | N
     shape = int(top - bottom), int(right - left)
     check_cells(shape, "the merged map")
     origin = x + side * (left * along - bottom * up), y + side * (left * up + bottom * along), yaw
-    try:
+    with named_errors("the merged map", RasterError, MapError):
         return GeoBox(shape, transform_of(origin, side, shape[0]), maps[0].geobox.crs)
-    except RasterError as error:
-        raise MapError(f"the merged map: {error}") from error
 
 
 def merge(maps: Sequence[PlacedMap], geobox: GeoBox) -> tuple[Float32s, int]:

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from uavseg.errors import IntensityRangeError, ParameterError
+from uavseg.errors import IntensityRangeError, ParameterError, caused_errors, named_errors
 from uavseg.inputs import parse_yaml, read_bytes
 from uavseg.options.regions import RangeOptions
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 from uavseg.raster.intensity.value_range import ValueRange
 from uavseg.segmentation.params.segment import IntensityRange, ValueClass, ValueClasses
 
@@ -200,19 +200,15 @@ def read_classes(path: str | os.PathLike[str]) -> ValueClasses:
     if suffix not in (".csv", ".yaml", ".yml"):
         raise ParameterError(f"{name}: classes are read from .csv or .yaml")
     content = read_bytes(path, ParameterError, MAX_BYTES)
-    try:
+    with named_errors(name, ParameterError):
         rows = _csv_rows(content) if suffix == ".csv" else _yaml_rows(content)
         return ValueClasses(tuple(_class_of_row(row) for row in rows))
-    except ParameterError as error:
-        raise type(error)(f"{name}: {error}") from error
 
 
 def _csv_rows(content: bytes) -> list[dict[str, Any]]:
     """Return rows by the names of columns."""
-    try:
+    with caused_errors("it is not a table of text", ParameterError, csv.Error, ValueError):
         lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig"), newline=""), strict=True))
-    except (csv.Error, ValueError) as error:
-        raise ParameterError(f"it is not a table of text ({cause_of(error)})") from error
     rows = [line for line in lines if any(field.strip() for field in line)]
     if len(rows) < 2:
         raise ParameterError(f"it has no classes; expected a header with the {_EXPECTED}, and a row for each")
@@ -278,8 +274,6 @@ def _class(name: str, low: Any, high: Any, color: Any) -> ValueClass:
         numbers.append(number)
     if color is not None and not (isinstance(color, str) and _COLOR.match(color)):
         raise ParameterError(f"the color of the class {name} is written #rrggbb, not {shown(color)}")
-    try:
+    with named_errors(f"the class {name}", ParameterError):
         interval = IntensityRange(*numbers)
-    except ParameterError as error:
-        raise type(error)(f"the class {name}: {error}") from error
     return ValueClass(name, interval, None if color is None else color.lower())

@@ -340,3 +340,14 @@ class SimulateOptions(Options):
     creation: StorageOptions = group(StorageOptions)
     files: running.OverwriteOptions = group(running.OverwriteOptions)
     messages: VerbosityOptions = group(VerbosityOptions)
+
+
+def sensor_changes(options: ExploreOptions | SimulateOptions, range_m: float | None) -> dict[str, float]:
+    """Return what is asked for of the range finder of a scene, by the names of its parameters."""
+    given = {
+        "max_range_m": range_m,
+        "fov_deg": options.fov,
+        "sigma_m": options.sigma,
+        "step_deg": options.step,
+    }
+    return {name: value for name, value in given.items() if value is not None}

@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Literal
 
-from uavseg.errors import ParameterError, RasterReadError, RegionError
+from uavseg.errors import ParameterError, RasterReadError, RegionError, caused_errors
 
 Band = int | str
 
@@ -57,10 +57,9 @@ def count_or_auto(text: str) -> int | Literal["auto"]:
     """Return a number of classes, or "auto"."""
     if text == "auto":
         return "auto"
-    try:
+    refusal = f"{text!r} is neither auto nor a number such as 3"
+    with caused_errors(refusal, OptionTextError, ValueError, form="{}"):
         return int(text)
-    except ValueError as error:
-        raise OptionTextError(f"{text!r} is neither auto nor a number such as 3") from error
 
 
 def range_named(name: str) -> Callable[[str], Any]:

@@ -8,7 +8,7 @@ from pathlib import Path, PurePath
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import OutputError, OutputExistsError
+from uavseg.errors import OutputError, OutputExistsError, caused_errors
 
 _PAM = (".aux.xml", ".ovr", ".msk", ".ovr.msk", ".msk.ovr")  # GDAL's sidecars of any raster
 _APPENDED: dict[str, tuple[str, ...]] = {  # suffixes after the whole name: t.tif.aux.xml
@@ -67,10 +67,9 @@ def existing_files(path: Path) -> list[Path]:
 
 def check_utf8(path: Path) -> None:
     """Refuse the name of an output that is not UTF-8."""
-    try:
+    refusal = f"the name {path} is not UTF-8; name the output otherwise"
+    with caused_errors(refusal, OutputError, UnicodeEncodeError, form="{}"):
         str(path).encode()
-    except UnicodeEncodeError as error:
-        raise OutputError(f"the name {path} is not UTF-8; name the output otherwise") from error
 
 
 def find_target(path: Path_, overwrite: bool = False) -> Target:

@@ -11,7 +11,7 @@ import shapely
 
 from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissionError, PhotographError
+from uavseg.errors import MissionError, PhotographError, named_errors
 from uavseg.execution.executors import steps_done
 from uavseg.flight.camera.camera import BLUR_PX, NADIR_DEG, Camera
 from uavseg.flight.mission.estimate import flown_path
@@ -116,10 +116,8 @@ def coverage(
     frames = {item.frame for item in mission.items if item.has_position}
     level = (home.altitude_m,) if ground.dem is None or FRAME_AMSL in frames else ()
     below, poses = replace(ground, home=(home.lat, home.lon, *level)), plan.photographs
-    try:
+    with named_errors("what the mission plans to show is not known", PhotographError, MissionError):
         expected = _in_metres(list(map(below.footprint, poses)), plane)
-    except PhotographError as error:
-        raise MissionError(f"what the mission plans to show is not known: {error}") from error
     if area:
         wanted = shapely.union_all(plane.project_polygons(area))
     elif not poses:

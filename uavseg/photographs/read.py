@@ -22,7 +22,7 @@ from typing import Any
 
 from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import PhotographError
+from uavseg.errors import PhotographError, caused_errors
 from uavseg.execution.executors import Progress
 from uavseg.flight.camera.camera import Camera, cameras
 from uavseg.inputs import regular_file
@@ -235,10 +235,9 @@ def _xmp(packet: bytes) -> dict[str, str]:
     """Return tags as "namespace:Name", those in a structure as "namespace:Structure/Name"."""
     from defusedxml.ElementTree import fromstring
 
-    try:
+    # Errors are expat's, of encodings, and of what is forbidden.
+    with caused_errors("its XMP tags cannot be read", PhotographError, Exception, form="{}"):
         root = fromstring(packet.strip(b" \0\r\n\t")[:_MAX_XMP] or b"<none/>", forbid_dtd=True)
-    except Exception as error:  # expat's, of encodings, and of what is forbidden
-        raise PhotographError("its XMP tags cannot be read") from error
     texts: list[tuple[str, str | None]] = []
     for description in root.iterfind(f".//{_RDF}RDF/{_RDF}Description"):
         texts += [(_named(tag), text) for tag, text in description.attrib.items()]

@@ -2,12 +2,10 @@
 
 import json
 from pathlib import PurePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from uavseg.raster.summary import HISTOGRAM_BINS, Summary
-
-if TYPE_CHECKING:
-    from uavseg.regions.formats.metadata import RegionFile
+from uavseg.regions.formats.metadata import RegionFile
 
 _EIGHTHS = " ▏▎▍▌▋▊▉█"
 _WIDTH = 40  # characters of the longest bar
@@ -141,7 +139,7 @@ def _decimal(value: float | None) -> str:
     return f"{value:.10g}" if value is not None else "none"
 
 
-def region_file_text(file: "RegionFile") -> str:
+def region_file_text(file: RegionFile) -> str:
     """Format what a file of regions holds, and how they were made."""
     layer = "" if file.layer is None else f", layer {file.layer}"
     others = f" and {file.others} more" if file.others else ""

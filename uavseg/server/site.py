@@ -1,6 +1,5 @@
 """Routes of a local server (page, tiles, jobs and their files); what a page asks for as requests of jobs."""
 
-import json
 import math
 import re
 import warnings
@@ -15,7 +14,7 @@ import numpy as np
 import shapely
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, UavsegError
+from uavseg.errors import ParameterError, UavsegError, caused_errors
 from uavseg.execution.executors import Progress, threads
 from uavseg.flight.camera.camera import cameras
 from uavseg.inputs import parse_json
@@ -27,8 +26,7 @@ from uavseg.jobs.match.match import match, with_answers
 from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.source.source import Raster
 from uavseg.jobs.source.work import Work
-from uavseg.jobs.web_map.content import FieldMap, FieldMapRequest, webp_of
-from uavseg.jobs.web_map.tiles import CellTiles, read_map_tile
+from uavseg.jobs.web_map.content import CellTiles, FieldMap, FieldMapRequest, read_map_tile, webp_of
 from uavseg.options.flights import Paths, PlanOptions
 from uavseg.options.missions import CheckOptions
 from uavseg.options.option import Option, build, options_of
@@ -80,10 +78,8 @@ class Words:
     @classmethod
     def of(cls, body: bytes, known: Sequence[str]) -> "Words":
         """Return the object of a body; raise ParameterError if it is not one, or has other names."""
-        try:
+        with caused_errors("the body is not JSON", ParameterError, RecursionError, ValueError, form="{}"):
             found = parse_json(body.decode())
-        except (UnicodeDecodeError, json.JSONDecodeError, RecursionError, ValueError) as error:
-            raise ParameterError("the body is not JSON") from error
         if not isinstance(found, dict) or not set(found) <= set(known):
             raise ParameterError(f"the body is an object with the names {', '.join(known)}")
         return cls({name: value for name, value in found.items() if value is not None})

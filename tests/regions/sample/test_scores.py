@@ -13,9 +13,17 @@ from uavseg.raster.intensity.stretch import Stretch
 from uavseg.raster.read.dataset import Dataset
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.sample.model import Sample, fit_sample, fit_weights
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
-from uavseg.regions.sample.scores import CellScores, Criterion, mean_scores, reject_unlike, score_cells
+from uavseg.regions.sample.scores import (
+    CellScores,
+    Criterion,
+    Sample,
+    fit_sample,
+    fit_weights,
+    mean_scores,
+    reject_unlike,
+    score_cells,
+)
 from uavseg.segmentation.components import component_sums
 from uavseg.segmentation.sample.g_scores import MAX_SCORE, NULL_SCORE
 from uavseg.segmentation.source import GreySource

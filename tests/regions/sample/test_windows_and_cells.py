@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from uavseg.raster.grid.tiling import TilePass, Window, tiles
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import SampleMask
-from uavseg.regions.sample.scores import inner_cells
+from uavseg.regions.sample.scores import fitting_window, inner_cells
 from uavseg.segmentation.components import label_components
 
 

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator
 from contextlib import suppress
 
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, named_errors
 from uavseg.flight.formats import wayline as waylines
 from uavseg.flight.formats.options import FileOptions
 from uavseg.flight.formats.wayline import Wayline, WaylinePoint
@@ -131,7 +131,7 @@ def read_litchi(content: bytes, name: str) -> Mission:
 
 
 def _points(text: str, notes: dict[str, None]) -> Iterator[WaylinePoint]:
-    try:
+    with named_errors("it is not a table", csv.Error, MissionError):
         rows = csv.reader(io.StringIO(text), strict=True)
         header = [column.strip().lower() for column in next(rows, [])]
         _check_header(header)
@@ -142,8 +142,6 @@ def _points(text: str, notes: dict[str, None]) -> Iterator[WaylinePoint]:
                 raise MissionError(f"waypoint {number} has {len(row)} fields instead of {len(header)}")
             if row:
                 yield _point(number, dict(zip(header, row, strict=True)), notes)
-    except csv.Error as error:
-        raise MissionError(f"it is not a table: {error}") from error
 
 
 def _check_header(header: list[str]) -> None:

@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissingLibraryError, MissionError
+from uavseg.errors import MissingLibraryError, MissionError, caused_errors
 from uavseg.inputs import read_start, regular_file
-from uavseg.plain_text import cause_of
 
 Position = tuple[float, float]  # lat, lon in degrees, WGS 84
 Message = tuple[str, dict[str, Any]]  # name and fields, as of ArduPilot
@@ -175,11 +174,11 @@ def _value(code: str, value: Any) -> Any:
 
 
 def _ulog_messages(path: Path) -> list[Message]:
-    try:
+    missing = 'a .ulg of PX4 needs pyulog: pip install "uavseg[logs]"'
+    with caused_errors(missing, MissingLibraryError, ImportError, form="{}"):
         from pyulog import ULog
-    except ImportError as error:
-        raise MissingLibraryError('a .ulg of PX4 needs pyulog: pip install "uavseg[logs]"') from error
-    try:
+    # Whatever pyulog raises of a damaged file is caught.
+    with caused_errors(f"{path} cannot be read as a ULog", MissionError, Exception):
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what is damaged
             topics = {one.name: one.data for one in ULog(os.fspath(path), list(_TOPICS)).data_list[::-1]}
         if "camera_capture" in topics:  # photographs that were taken, in place of triggers
@@ -195,6 +194,4 @@ def _ulog_messages(path: Path) -> list[Message]:
             if topic in topics
             for k, time in enumerate(topics[topic]["timestamp"])
         ]
-    except Exception as error:  # whatever pyulog raises of a damaged file
-        raise MissionError(f"{path} cannot be read as a ULog ({cause_of(error)})") from error
     return [(name, fields) for _, name, fields in sorted(rows, key=lambda row: row[0])]

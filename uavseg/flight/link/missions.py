@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from uavseg.errors import LinkError, MissionError, UnverifiedError
+from uavseg.errors import LinkError, MissionError, UnverifiedError, named_errors
 from uavseg.execution.executors import Progress
 from uavseg.flight.link import messages
 from uavseg.flight.link.link import POLL_S, Link, LinkedVehicle
@@ -291,13 +291,11 @@ def download_mission(link: Link, progress: Progress | None = None) -> Mission:
     rally_items = _optional(link, MissionType.RALLY, notes)
     if any(item.command == messages.FENCE_RETURN for item in fence_items):
         notes.append("the return point of the fence was not read")
-    try:
+    with named_errors("what the vehicle holds cannot be used", MissionError):
         items = messages.mission_items(rows[1:] if vehicle.has_home_row else rows, vehicle.has_home_row)
         home = _home(link, rows, items, notes)
         fence, rally = messages.fence_of_items(fence_items), messages.rally_of_items(rally_items)
         mission = Mission(home, items, _autopilot(home, items, vehicle, notes), fence=fence, rally=rally)
-    except MissionError as error:
-        raise MissionError(f"what the vehicle holds cannot be used: {error}") from error
     return replace(mission, notes=tuple(notes))
 
 

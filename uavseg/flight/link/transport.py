@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import LinkError, ParameterError
+from uavseg.errors import LinkError, ParameterError, caused_errors, named_errors
 from uavseg.plain_text import shown
 
 SCHEMES = ("udpout", "udpin", "tcp", "serial")
@@ -181,10 +181,9 @@ class SerialLine(Transport):
     """Serial device, through pyserial."""
 
     def __init__(self, address: Address) -> None:
-        try:
+        missing = 'serial lines need pyserial: pip install "uavseg[serial]"'
+        with caused_errors(missing, LinkError, ImportError, form="{}"):
             import serial
-        except ImportError as error:
-            raise LinkError('serial lines need pyserial: pip install "uavseg[serial]"') from error
         self._address = address
         try:
             self._port = serial.Serial(address.place, address.number, timeout=0, write_timeout=SEND_S)
@@ -192,18 +191,14 @@ class SerialLine(Transport):
             raise LinkError(f"cannot open {address}: {error}") from error
 
     def send(self, data: bytes) -> None:
-        try:
+        with named_errors(f"the serial line {self._address} is lost", OSError, LinkError):
             self._port.write(data)
-        except OSError as error:
-            raise LinkError(f"the serial line {self._address} is lost: {error}") from error
 
     def receive(self, timeout_s: float) -> tuple[bytes, Source] | None:
-        try:
+        with named_errors(f"the serial line {self._address} is lost", OSError, LinkError):
             self._port.timeout = max(timeout_s, 0.001)
             data = self._port.read(1)
             data += self._port.read(self._port.in_waiting)
-        except OSError as error:
-            raise LinkError(f"the serial line {self._address} is lost: {error}") from error
         return (data, None) if data else None
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissingLibraryError, MissionError
+from uavseg.errors import MissingLibraryError, MissionError, named_errors
 from uavseg.flight.mission import items as mav
 from uavseg.flight.mission.items import FenceCircle, FencePolygon, HomePosition, MissionItem, RallyPoint
 from uavseg.flight.mission.mission import Mission
@@ -170,7 +170,7 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
         lat, lon = _finite(feature, "lat"), _finite(feature, "lon")
     command, frame = int(_finite(feature, "command")), int(_finite(feature, "frame"))
     altitude_m, autocontinue = _finite(feature, "altitude_m"), _truth(feature, "autocontinue", True)
-    try:
+    with named_errors(f"item {number}", MissionError):
         return MissionItem(
             command=command,
             frame=frame,
@@ -180,8 +180,6 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
             altitude_m=altitude_m,
             autocontinue=autocontinue,
         )
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
 
 
 def _read_fence(feature: MissionFeature) -> mav.Fence:

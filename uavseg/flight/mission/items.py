@@ -5,7 +5,7 @@ import math
 import shapely
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissionError
+from uavseg.errors import MissionError, named_errors
 from uavseg.raster.geodesy.globe import geod_wgs84
 
 # MAV_CMD
@@ -156,13 +156,11 @@ def check_accepted(item: MissionItem, autopilot: str, number: int) -> None:
 
     For "generic", ArduPilot and PX4 must both accept the item. `number` names it in the message.
     """
-    try:
+    with named_errors(f"item {number}", MissionError):
         if autopilot != "px4":
             _check_ardupilot(item)
         if autopilot != "ardupilot":
             _check_px4(item)
-    except MissionError as error:
-        raise MissionError(f"item {number}: {error}") from error
 
 
 def _check_ardupilot(item: MissionItem) -> None:

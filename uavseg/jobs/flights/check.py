@@ -294,15 +294,10 @@ def _logged(path: Path_, camera: Camera | None) -> Iterator[Photograph]:
     for number, shot in enumerate(shots_of_log(path), 1):
         yield Photograph(
             path=f"{Path(path).name} {number}",
-            lon=shot.lon,
-            lat=shot.lat,
-            relative_m=shot.relative_m,
-            altitude_m=shot.altitude_m,
-            yaw_deg=shot.yaw_deg,
             image_px=camera.image_px,
             focal_px=camera.focal_px,
             camera=camera.name,
-            taken_s=shot.taken_s,
+            **asdict(shot),
         )
 
 

@@ -15,7 +15,7 @@ from uavseg.errors import ParameterError
 from uavseg.execution.executors import Progress, decided, phase, split_progress, threads
 from uavseg.flight.camera.camera import camera_named
 from uavseg.jobs.source.inputs import keep_inputs
-from uavseg.options.photographs import FootprintsOptions, GeoreferenceOptions
+from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 from uavseg.output.atomic import check_target
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.orthophoto import Mosaic

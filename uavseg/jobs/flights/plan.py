@@ -135,18 +135,10 @@ class MissionPlan:
         numbered = [base.with_name(f"{base.stem}-{k}{base.suffix}") for k in range(1, count + 2)]
         paths, others = ([base], numbered[:1]) if count == 1 else (numbered[:-1], [numbered[-1], base])
         stale = next((file for file in others if file.exists()), None)  # like a flight of this plan
+        how: dict[str, Any] = {"editable": editable, "dji_model": dji_model, "lens": lens, "turn": turn}
         with transaction():
             for mission, one in zip(self.missions, paths, strict=True):
-                write_mission(
-                    mission,
-                    one,
-                    overwrite,
-                    self.check.check,
-                    editable=editable,
-                    dji_model=dji_model,
-                    lens=lens,
-                    turn=turn,
-                )
+                write_mission(mission, one, overwrite, self.check.check, **how)
         if stale is not None:
             warnings.warn(f"{stale} is of another plan; do not fly it with this one", stacklevel=2)
         return paths

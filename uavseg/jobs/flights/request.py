@@ -3,7 +3,7 @@
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,15 +33,9 @@ MIN_ZONE_M, MAX_ZONE_M = 0.1, 10_000.0  # width of points and lines that are zon
 
 def plan_request(options: PlanOptions) -> PlanRequest:
     """Return the request of a plan, checked before any work: ParameterError as of `mission_request`."""
-    return mission_request(
-        options.mission,
-        options.output,
-        ids=options.ids,
-        largest=options.largest,
-        where=options.where,
-        classes=_names(options.classes),
-        avoid_classes=_names(options.avoid_classes) or (),
-    )
+    chosen = {name: getattr(options, name) for name in ("ids", "largest", "where")}
+    chosen |= {"classes": _names(options.classes), "avoid_classes": _names(options.avoid_classes) or ()}
+    return mission_request(options.mission, options.output, **chosen)
 
 
 def mission_request(options: MissionOptions, output: str | None, **chosen: Any) -> PlanRequest:
@@ -84,7 +78,7 @@ def flight_params(options: MissionOptions) -> plan.PlanParams:
     if photos is not None and pattern in plan.COVERING and 0 < altitude < math.inf:
         spacing = photos.spacing_m(altitude) if spacing is None else spacing
     vehicle = flight.vehicle
-    limits, terrain = options.limits, options.terrain
+    limits, terrain = asdict(options.limits), options.terrain
     return plan.PlanParams(
         altitude_m=altitude,
         pattern=pattern,
@@ -99,14 +93,7 @@ def flight_params(options: MissionOptions) -> plan.PlanParams:
         if isinstance(vehicle, str | os.PathLike)
         else vehicle,
         how=_pattern_params(pattern, options.pattern),
-        limits=plan.LimitParams(
-            endurance_min=limits.endurance,
-            reserve=limits.reserve,
-            max_items=limits.max_items,
-            max_waypoints=limits.max_waypoints,
-            flights=limits.flights,
-            vehicles=limits.vehicles,
-        ),
+        limits=plan.LimitParams(limits.pop("endurance"), **limits),
         safety=safety_params(options.safety),
         terrain=plan.terrain_params(
             terrain.dem or None, terrain.terrain, terrain.terrain_tolerance, terrain.climb, terrain.descent

@@ -12,7 +12,7 @@ from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene
 from uavseg.occupancy.simulation.simulate import Simulation
-from uavseg.options.maps import BuildMapOptions
+from uavseg.options.maps import BuildMapOptions, SimulateOptions, sensor_changes
 from uavseg.raster.grid.geobox import GeoBox
 
 DEFAULT_ODOM = "/odom"
@@ -67,25 +67,6 @@ def build_map(bag: Path_, topics: BagTopics, params: MergeParams) -> BuiltMap:
     return BuiltMap(grid=merged.grid, frame=merged.frame, scans=scans, warnings=merged.warnings)
 
 
-@dataclass(frozen=True, slots=True)
-class SimulateRequest:
-    """Seed of the noise, and changes to the sensor of the scene."""
-
-    seed: int = 0  # of the noise: the same seed gives the same map
-    poses: int | None = None  # number of poses to scan from, the first of the scene; by default all
-    # Of the sensor: standard deviation of ranges, reach, field of view and angle between beams.
-    sigma_m: float | None = None
-    max_range_m: float | None = None
-    fov_deg: float | None = None
-    step_deg: float | None = None
-
-    @property
-    def sensor(self) -> dict[str, float]:
-        """Return the requested changes to the sensor."""
-        names = ("sigma_m", "max_range_m", "fov_deg", "step_deg")
-        return {name: getattr(self, name) for name in names if getattr(self, name) is not None}
-
-
 @dataclass(frozen=True)
 class Simulated:
     """The map that a simulation made."""
@@ -94,15 +75,17 @@ class Simulated:
     grid: OccupancyGrid
 
 
-def simulate(scene: str, request: SimulateRequest = SimulateRequest()) -> Simulated:
+def simulate(options: SimulateOptions) -> Simulated:
     """Simulate the map that a laser range finder makes of a scene: "lens", "circles" or a JSON file."""
+    scene = options.scene
     whole = BUILT_IN_SCENES[scene]() if scene in BUILT_IN_SCENES else load_scene(scene)
-    count = request.poses or len(whole.poses)
+    count = options.poses or len(whole.poses)
     if count > len(whole.poses):
         raise SceneError(f"{scene} has {len(whole.poses)} poses, and {count} are asked for")
-    simulation = replace(whole, sensor=replace(whole.sensor, **request.sensor), poses=whole.poses[:count])
+    sensor = replace(whole.sensor, **sensor_changes(options, options.max_range))
+    simulation = replace(whole, sensor=sensor, poses=whole.poses[:count])
     beams = len(simulation.sensor.angles)
-    decided("%d poses of %d beams, the noise of seed %d", count, beams, request.seed)
+    decided("%d poses of %d beams, the noise of seed %d", count, beams, options.seed)
     with phase("scans"):
-        grid = simulation.run(request.seed)
+        grid = simulation.run(options.seed)
     return Simulated(simulation, grid)

@@ -1,7 +1,6 @@
 """Job of a robot that explores a simulated scene until nothing that it can see is unknown."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -23,30 +22,12 @@ from uavseg.occupancy.ros.ros_map import placement
 from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
 from uavseg.occupancy.simulation.scene_file import load_scene
 from uavseg.occupancy.simulation.simulate import CellScene, RangeFinder, Scene
-from uavseg.options.maps import ExploreOptions
+from uavseg.options.maps import ExploreOptions, sensor_changes
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.segmentation.params.segment import StateLimits
 from uavseg.units import FREE, UNKNOWN
 
 _COMPLETE = 0.99  # share of what can be known, below which a drive is not complete
-
-
-@dataclass(frozen=True, slots=True)
-class ExploreRequest:
-    """How a scene is explored."""
-
-    start: Sequence[float] | None = None  # x, y and perhaps the heading; None: the first pose of the scene
-    sensor: Sequence[tuple[str, float]] = ()  # names and values of a `RangeFinder` that are not the scene's
-    clearance_m: float = 0.0
-    seed: int = 0
-
-
-def explore_request(options: ExploreOptions) -> ExploreRequest:
-    """Return how a scene is explored, and by which sensor."""
-    words = {"max_range_m": "range", "fov_deg": "fov", "sigma_m": "sigma", "step_deg": "step"}
-    given = [(name, getattr(options, word)) for name, word in words.items()]
-    sensor = [(name, value) for name, value in given if value is not None]
-    return ExploreRequest(options.start, sensor, options.clearance, options.seed)
 
 
 @dataclass(frozen=True)
@@ -88,23 +69,23 @@ class Explored:
         return float((known & self.knowable).sum() / self.knowable.sum())
 
 
-def explore(scene: str, request: ExploreRequest) -> Explored:
+def explore(options: ExploreOptions) -> Explored:
     """Let a robot explore a scene: "lens", "circles", a JSON file, or a map whose free cells it may enter."""
-    warnings: list[str] = []
-    solids, sensor, geobox, first = _opened(scene, dict(request.sensor), warnings)
+    scene, clearance_m, warnings = options.scene, options.clearance, list[str]()
+    solids, sensor, geobox, first = _opened(scene, sensor_changes(options, options.range), warnings)
     side, _, _ = placement(geobox)  # refuses cells that are not square or not in metres
-    PathParams(request.clearance_m)
-    start = first if request.start is None else pose_of(request.start, "start")
+    PathParams(clearance_m)
+    start = first if options.start is None else pose_of(options.start, "start")
     if start is None:
         raise SceneError(f"{scene} is a map, so nobody knows where the robot begins; give it (--start X,Y)")
-    explorer = Explorer(solids, sensor, OccupancyGrid(geobox), request.clearance_m, request.seed)
+    explorer = Explorer(solids, sensor, OccupancyGrid(geobox), clearance_m, options.seed)
     with phase("drive"):
         drive = explorer.run(start)
     decided("%d scans, %d choices", len(drive.poses), len(drive.seconds))
     rows, cols = np.indices(geobox.shape) + 0.5
     solid = solids.contains(*geobox.xy_from_pixel(rows, cols))
     at = cell_at(geobox, (start.x, start.y))
-    knowable = knowable_cells(solid, at, side, sensor.max_range_m, request.clearance_m)
+    knowable = knowable_cells(solid, at, side, sensor.max_range_m, clearance_m)
     explored = Explored(drive, knowable, tuple(warnings))
     if explored.share < _COMPLETE:
         known = f"only {100 * explored.share:.1f} % of what could be known is known"

@@ -21,19 +21,6 @@ from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.units import GREY_MAX
 
 
-@dataclass(frozen=True, slots=True)
-class MergeRequest:
-    """Options for the grid of the merged map, which extends that of the first."""
-
-    crop: bool = False  # whether the merged map is cropped to its known cells
-    unrotate: bool = False  # whether its rows run along the x axis, a yaw of 0
-    resolution: float | None = None  # side of a cell in metres; by default that of the first map
-
-    def __post_init__(self) -> None:
-        if self.resolution is not None and not 0 < self.resolution < float("inf"):
-            raise ParameterError(f"resolution is metres per cell, a number above 0, not {self.resolution:g}")
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMap(WritableMap):
     """A map merged from others."""
@@ -44,18 +31,26 @@ class MergedMap(WritableMap):
     warnings: tuple[str, ...]
 
 
-def merge_maps(sources: Sequence[Any], request: MergeRequest = MergeRequest()) -> MergedMap:
-    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.several_maps`."""
+def merge_maps(
+    sources: Sequence[Any], crop: bool = False, unrotate: bool = False, resolution: float | None = None
+) -> MergedMap:
+    """Merge maps of probabilities, sources of `open_probability_map`; see `occupancy.several_maps`.
+
+    The grid is that of the first map, extended; with `crop` only as far as cells are known, with `unrotate`
+    with a yaw of 0, or of another `resolution`, the side of a cell in metres.
+    """
+    if resolution is not None and not 0 < resolution < float("inf"):
+        raise ParameterError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
     if not sources:
         raise ParameterError("name at least one map")
     warnings: list[str] = []
     with phase("maps"):
         maps = [read_map(source, warnings) for source in sources]
-    geobox = common_grid(maps, request.unrotate, request.resolution)
+    geobox = common_grid(maps, unrotate, resolution)
     decided("%d x %d cells", *geobox.shape)
     with phase("merging"):
         probabilities, disputed = merge(maps, geobox)
-    if request.crop:
+    if crop:
         probabilities, geobox = cropped(probabilities, geobox)
     if disputed:
         cells = "1 cell is" if disputed == 1 else f"{disputed:,} cells are"

@@ -34,37 +34,6 @@ from uavseg.units import FREE, OCCUPIED, UNKNOWN
 _STATES = {0: "has no value", UNKNOWN: "is unknown", OCCUPIED: "is occupied"}
 
 
-@dataclass(frozen=True, slots=True)
-class ViewRequest:
-    """The robot and its sensor."""
-
-    pose: Sequence[float]  # x, y and perhaps the heading in degrees, counterclockwise from the x axis
-    range_m: float
-    fov_deg: float = 360.0
-    count: int = 5
-    clearance_m: float = 0.0
-    limits: StateLimits = StateLimits()
-
-    def __post_init__(self) -> None:
-        pose_of(self.pose, "pose")
-        RangeFinder(max_range_m=self.range_m, fov_deg=self.fov_deg)
-        PathParams(self.clearance_m)
-        if self.count < 1:
-            raise ParameterError(f"the number of views is at least 1, not {self.count}")
-
-
-def view_request(options: NextViewOptions) -> ViewRequest:
-    """Return the robot, its sensor and how many views are asked for."""
-    return ViewRequest(
-        options.pose,
-        options.range,
-        fov_deg=options.fov,
-        count=options.count,
-        clearance_m=options.clearance,
-        limits=StateLimits(options.free_below, options.occupied_above),
-    )
-
-
 @dataclass(frozen=True)
 class View:
     """A pose of the sensor from which unknown space can be seen."""
@@ -112,26 +81,36 @@ def pose_of(numbers: Sequence[float], name: str) -> Pose:
     return Pose(x, y, heading_rad=math.radians(heading))
 
 
-def next_views(source: ProbabilityMap | Blocks, request: ViewRequest, work: Work = SERIAL) -> NextViews:
+def check_view(options: NextViewOptions) -> StateLimits:
+    """Return the limits of states; a ParameterError says that the robot or its sensor is impossible."""
+    pose_of(options.pose, "pose")
+    RangeFinder(max_range_m=options.range, fov_deg=options.fov)
+    PathParams(options.clearance)
+    if options.count < 1:
+        raise ParameterError(f"the number of views is at least 1, not {options.count}")
+    return StateLimits(options.free_below, options.occupied_above)
+
+
+def next_views(source: ProbabilityMap | Blocks, options: NextViewOptions, work: Work = SERIAL) -> NextViews:
     """Find the views of a map from which a sensor would see what is unknown, in the order to go there."""
-    work = work.begun()
+    limits, work = check_view(options), work.begun()
     source = map_of(source, "views are of single cells, so give the map itself")
     side, _, _ = placement(source.geobox)  # refuses cells that are not square or not in metres
-    found = classify(source, ClassifyRequest(request.limits, objects=False), replace(work, progress=None))
+    found = classify(source, ClassifyRequest(limits, objects=False), replace(work, progress=None))
     states = found.states
-    at = cell_at(source.geobox, request.pose)
+    at = cell_at(source.geobox, options.pose)
     if states[at] != FREE:
         raise MapError(
-            f"the cell at the pose {request.pose[0]:g},{request.pose[1]:g} {_STATES[int(states[at])]}; "
+            f"the cell at the pose {options.pose[0]:g},{options.pose[1]:g} {_STATES[int(states[at])]}; "
             "a robot stands on a free one"
         )
     probabilities = placed_map(source).probabilities
-    planner = ViewPlanner(states.shape, side, request.range_m, request.fov_deg, request.clearance_m)
+    planner = ViewPlanner(states.shape, side, options.range, options.fov, options.clearance)
     with phase("views"):
         tour = planner.tour(states, at)
         views: tuple[View, ...] = ()
         if tour is not None:
-            views = _ranked(planner, tour, states, probabilities, at, request, source.geobox)
+            views = _ranked(planner, tour, states, probabilities, at, options, source.geobox)
     notes = [*found.warnings]
     if not views:
         notes.append("nothing that a robot could see from where it can go is unknown: there is no next view")
@@ -152,12 +131,12 @@ def _ranked(
     states: States,
     probabilities: Float32s,
     at: Cell,
-    request: ViewRequest,
+    options: NextViewOptions,
     geobox: GeoBox,
 ) -> tuple[View, ...]:
     """Return the views by the length of the tour that begins with each; the first of the shortest leads."""
     lengths = np.array([_length_from(tour, k) for k in range(len(tour.views))])
-    order = [0, *(1 + np.argsort(lengths[1:], kind="stable")).tolist()][: request.count]
+    order = [0, *(1 + np.argsort(lengths[1:], kind="stable")).tolist()][: options.count]
     passable = planner.passable(states, at)
     views = []
     for k in order:
@@ -172,12 +151,12 @@ def _ranked(
             length_m=line_length(geobox, *(corners + 0.5).T),
             cells=len(path.cells),
             expanded=path.expanded,
-            clearance_m=request.clearance_m,
+            clearance_m=options.clearance,
         )
         (x, ahead_x), (y, ahead_y) = geobox.xy_from_pixel(
             np.array([row, row + math.sin(angle)]) + 0.5, np.array([col, col + math.cos(angle)]) + 0.5
         )
-        reach, fov = request.range_m / planner.cell_m, math.radians(request.fov_deg)
+        reach, fov = options.range / planner.cell_m, math.radians(options.fov)
         views.append(
             View(
                 pose=Pose(float(x), float(y), heading_rad=math.atan2(ahead_y - y, ahead_x - x)),

@@ -26,13 +26,17 @@ from uavseg.regions.confidence import OF_TEXTURES, Confidence, Parting, texture_
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
-from uavseg.regions.sample.model import USUAL_WINDOWS, Sample, fit_sample, fit_weights, fitting_window
 from uavseg.regions.sample.place import SampleMask
 from uavseg.regions.sample.scores import (
+    USUAL_WINDOWS,
     CellScores,
     Criterion,
+    Sample,
     color_planes,
     fit_colors,
+    fit_sample,
+    fit_weights,
+    fitting_window,
     mean_scores,
     reject_unlike,
     score_cells,

@@ -28,9 +28,8 @@ from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_confident
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, renumber_by_size
-from uavseg.regions.sample.model import fitting_window
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
-from uavseg.regions.sample.scores import inner_cells
+from uavseg.regions.sample.scores import fitting_window, inner_cells
 from uavseg.regions.sample.similarity import (
     BlurredBands,
     SimilaritySource,

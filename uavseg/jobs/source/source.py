@@ -21,7 +21,7 @@ from uavseg.raster.read.dataset import Dataset
 from uavseg.segmentation.blocks.block_file import Origin, SavedBlocks
 from uavseg.segmentation.blocks.block_map import BlockMap, cell_sums
 from uavseg.segmentation.refine.detail import MAX_DETAIL, Detail
-from uavseg.segmentation.source import GreySource
+from uavseg.segmentation.source import GreySource, measure_illumination
 from uavseg.units import BLOCK, GREY_MAX
 
 SAMPLED = 64  # blocks of 64 x 64 pixels that are read
@@ -112,8 +112,6 @@ def flatten_width(length: Length, geobox: GeoBox) -> tuple[int, int]:
 
 def flattened(grey: GreySource, length: Length, tile_pass: TilePass) -> GreySource:
     """Return grey without its slow light, which is measured in one pass; see `flatten_width` for errors."""
-    from uavseg.segmentation.source import measure_illumination
-
     width = flatten_width(length, grey.dataset.geobox)
     with phase("flat field"):
         found = measure_illumination(grey, width, tile_pass)

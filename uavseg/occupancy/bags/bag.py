@@ -18,7 +18,7 @@ from typing import Any
 
 from uavseg.access import current_policy
 from uavseg.dataclass import dataclass
-from uavseg.errors import BagError
+from uavseg.errors import BagError, caused_errors
 from uavseg.inputs import parse_yaml, read_bytes, regular_file
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.untrusted import check_database
@@ -55,10 +55,8 @@ def _files_of_folder(folder: Path) -> list[Path]:
     aliases = f"{path} holds YAML aliases (*name), which the file of a bag does not need"
     invalid = f"{path} is not the metadata of a bag"
     described = parse_yaml(content, BagError, aliases, invalid)
-    try:
+    with caused_errors(invalid, BagError, TypeError, KeyError):
         metadata = described["rosbag2_bagfile_information"]
-    except (TypeError, KeyError) as error:
-        raise BagError(f"{invalid} ({cause_of(error)})") from error
     if not isinstance(metadata, dict):
         raise BagError(invalid)
     names = metadata.get("relative_file_paths")
@@ -208,11 +206,10 @@ class Bag:
 @contextmanager
 def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
     """Open a bag for reading: a .bag, .mcap or .db3 file, or a folder that ros2 bag recorded."""
-    try:
+    missing = 'reading bags needs rosbags; pip install "uavseg[ros]"'
+    with caused_errors(missing, BagError, ImportError, form="{}"):
         import rosbags.rosbag1  # noqa: F401
         from rosbags.rosbag2 import Reader
-    except ImportError as error:
-        raise BagError('reading bags needs rosbags; pip install "uavseg[ros]"') from error
     files = bag_files(path)
     name = os.fspath(path)
     with bounded_decompression(), ExitStack() as stack:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.arrays import Float32s, Path_
-from uavseg.errors import MapError, RasterError, SceneError
+from uavseg.errors import MapError, RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import as_number
 from uavseg.occupancy.mapping.log_odds import MAX_LOG_ODDS, Fading
 from uavseg.occupancy.mapping.sensor_messages import as_quaternion, heading_of, matrix_of_quaternion, tilt_deg
@@ -66,12 +66,11 @@ def read_grid_file(path: Path_) -> tuple[Float32s, GeoBox, Fading]:
     log_odds: Float32s = values[0]
     if not (np.abs(log_odds) <= MAX_LOG_ODDS).all():
         raise MapError(f"{name} is damaged: log-odds of a grid lie in -{MAX_LOG_ODDS:g}..{MAX_LOG_ODDS:g}")
-    try:
+    unread = f"{name} is damaged: how its evidence fades cannot be read"
+    with caused_errors(unread, MapError, ValueError, TypeError, form="{}"):
         words = tags.get(_FADING, f"{MAX_LOG_ODDS} None None").split()
         clamp, half_life, after = (None if word == "None" else float(word) for word in words)
         return log_odds, geobox, Fading(clamp or 0.0, half_life, after)
-    except (ValueError, TypeError) as error:
-        raise MapError(f"{name} is damaged: how its evidence fades cannot be read") from error
 
 
 def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
@@ -100,10 +99,8 @@ def read_grid_message(message: Any) -> tuple[Float32s, GeoBox]:
         wrong = cells[(cells < -1) | (cells > 100)][0]
         raise MapError(f"cells of an OccupancyGrid message are -1 or 0 to 100, not {wrong}")
     cells = np.ascontiguousarray(cells.reshape(shape)[::-1].astype(np.int8))
-    try:
+    with named_errors("the place of this OccupancyGrid message", RasterError, MapError):
         geobox = GeoBox(shape, transform_of(_origin(message), resolution, shape[0]), None)
-    except RasterError as error:
-        raise MapError(f"the place of this OccupancyGrid message: {error}") from error
     return RosMap(cells, geobox).probabilities, geobox
 
 
@@ -161,10 +158,8 @@ def _count(message: Any, path: str) -> int:
 
 def _origin(message: Any) -> tuple[float, float, float]:
     x, y = (_number_of(message, f"info.origin.position.{name}") for name in "xy")
-    try:
+    with named_errors("info.origin.orientation of an OccupancyGrid message", SceneError, MapError):
         matrix = matrix_of_quaternion(as_quaternion(_field(message, "info.origin.orientation")))
-    except SceneError as error:
-        raise MapError(f"info.origin.orientation of an OccupancyGrid message: {error}") from error
     if tilt_deg(matrix) > _LEVEL_DEG:
         raise MapError(
             f"info.origin.orientation tilts the map by {tilt_deg(matrix):.1f} degrees out of the plane; "

@@ -89,14 +89,11 @@ def scan_duration_s(message: Any, beams: int, by_increment: bool = False) -> flo
 
 
 def _field(message: Any, name: str) -> Any:
-    try:
-        return getattr(message, name)
-    except AttributeError as error:
+    if not hasattr(message, name):
         required = ", ".join((*_LASERSCAN_NUMBERS, "ranges"))
         held = shown(type(message).__name__)
-        raise SceneError(
-            f"message is a LaserScan with {required}; this one, {held}, has no {name}"
-        ) from error
+        raise SceneError(f"message is a LaserScan with {required}; this one, {held}, has no {name}")
+    return getattr(message, name)
 
 
 def _has_echoes(ranges: Any) -> bool:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from uavseg.access import current_policy
 from uavseg.arrays import Bools, Float32s, Integers, Path_, Uint8s
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError, RasterError, RasterReadError
+from uavseg.errors import MapError, RasterError, RasterReadError, caused_errors, named_errors
 from uavseg.inputs import parse_yaml, read_bytes, read_start
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.plain_text import shown
@@ -106,7 +106,7 @@ class MapDescription:
 def read_ros_yaml(path: Path_) -> MapDescription:
     """Read and check the YAML file of a ROS map."""
     content = _read_yaml(path)
-    try:
+    with named_errors(os.fspath(path), MapError):
         value = content["negate"]
         if isinstance(value, str) and value.strip().lstrip("+-").isdigit():
             value = int(value)
@@ -126,8 +126,6 @@ def read_ros_yaml(path: Path_) -> MapDescription:
             raise MapError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
         origin = _origin(content["origin"])
         return MapDescription(Path(path).parent / image, resolution, origin, rules)
-    except MapError as error:
-        raise MapError(f"{os.fspath(path)}: {error}") from error
 
 
 def ros_yaml_text(content: Mapping[str, Any]) -> str:
@@ -161,12 +159,11 @@ def _read_yaml(path: Path_) -> Mapping[str, Any]:
 
 def _number(name: str, value: Any) -> float:
     """Convert a number as yaml-cpp does: quoted or not, and 5e-2 without a decimal point too."""
-    try:
+    wanted = f"{name} is a number, not {shown(value)}"
+    with caused_errors(wanted, MapError, ValueError, OverflowError, form="{}"):
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise ValueError
         return float(value)
-    except (ValueError, OverflowError) as error:
-        raise MapError(f"{name} is a number, not {shown(value)}") from error
 
 
 def _origin(value: Any) -> tuple[float, float, float]:
@@ -220,10 +217,8 @@ def read_ros_map(path: Path_) -> RosMap:
     current_policy().check_file(path, metadata.image)
     grey, alpha = read_picture(metadata.image)
     transform = transform_of(metadata.origin, metadata.resolution, grey.shape[0])
-    try:
+    with named_errors(os.fspath(path), RasterError, MapError):
         geobox = GeoBox(grey.shape, transform, None)
-    except RasterError as error:
-        raise MapError(f"{os.fspath(path)}: {error}") from error
     cells = metadata.rules.cells(grey, alpha)
     return RosMap(cells, geobox, tuple(_map_warnings(metadata, grey, alpha, cells)))
 

@@ -24,11 +24,11 @@ import os
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from uavseg.errors import RasterError, SceneError
+from uavseg.errors import RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 _MAX_SCENE_CELLS = 1 << 28
@@ -37,11 +37,8 @@ _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step":
 
 def load_scene(path: str | os.PathLike[str]) -> Simulation:
     """Read a simulation from a JSON file; the module's docstring describes the format."""
-    name = os.fspath(path)
-    try:
+    with named_errors(os.fspath(path), SceneError):
         return build_simulation(_read(path))
-    except SceneError as error:
-        raise SceneError(f"{name}: {error}") from error
 
 
 def build_simulation(content: Any) -> Simulation:
@@ -67,16 +64,10 @@ def build_simulation(content: Any) -> Simulation:
 def _read(path: str | os.PathLike[str]) -> Any:
     if not os.path.exists(path):  # noqa: PTH110 - false for a name that is too long
         raise SceneError("there is no such file; name lens, circles or a JSON file of a scene")
-    try:
+    with caused_errors("it cannot be read as text", SceneError, UnicodeDecodeError):
         text = read_bytes(path, SceneError).decode()
-    except UnicodeDecodeError as error:
-        raise SceneError(f"it cannot be read as text ({cause_of(error)})") from error
-    try:
+    with caused_errors("it is not valid JSON", SceneError, ValueError, RecursionError):
         return parse_json(text, parse_constant=_reject_constant, object_pairs_hook=_unique_keys)
-    except SceneError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"it is not valid JSON ({cause_of(error)})") from error
 
 
 def _reject_constant(text: str) -> NoReturn:
@@ -102,10 +93,8 @@ def _cells(content: Any) -> GeoBox:
             f"a map of {rows} x {cols} cells is too large; at most {_MAX_SCENE_CELLS} can be simulated"
         )
     origin = _pair("map origin", numbers.get("origin", [0, 0]))
-    try:
+    with named_errors("map", RasterError, SceneError):
         return local_geobox((rows, cols), cell, origin)
-    except RasterError as error:
-        raise SceneError(f"map: {error}") from error
 
 
 def _pose(name: str, content: Any) -> Pose:

@@ -1,6 +1,5 @@
 """Content that libraries trust and should not: headers of JPEG 2000 and classic netCDF, views of SQLite."""
 
-import os
 import re
 import sqlite3
 import struct
@@ -9,6 +8,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
+from uavseg.arrays import Path_
 from uavseg.errors import AccessError, RasterReadError, UavsegError
 from uavseg.output.staging import interrupts_held
 from uavseg.plain_text import cause_of, shown
@@ -182,7 +182,7 @@ class _Header:
 
 
 @contextmanager
-def open_database(source: str | os.PathLike[str] | bytes) -> Iterator[sqlite3.Connection]:
+def open_database(source: Path_ | bytes) -> Iterator[sqlite3.Connection]:
     """Open a database to be read; of bytes, a copy in memory."""
     if isinstance(source, bytes):
         database = sqlite3.connect(":memory:")
@@ -195,9 +195,7 @@ def open_database(source: str | os.PathLike[str] | bytes) -> Iterator[sqlite3.Co
         yield database
 
 
-def check_database(
-    source: str | os.PathLike[str] | bytes, name: str, error: Callable[[str], UavsegError]
-) -> None:
+def check_database(source: Path_ | bytes, name: str, error: Callable[[str], UavsegError]) -> None:
     """Refuse virtual tables other than indexes, and views that call functions or may not end.
 
     A view is a query that runs when its rows are read, inside of GDAL, which no signal stops: it may never

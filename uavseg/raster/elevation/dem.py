@@ -14,9 +14,9 @@ import numpy as np
 import rasterio
 from numpy.typing import ArrayLike
 
-from uavseg.arrays import Floats, Integers
+from uavseg.arrays import Floats, Integers, Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, RasterError, RasterReadError
+from uavseg.errors import ParameterError, RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_text
@@ -40,7 +40,6 @@ UNITS_M = {
     **dict.fromkeys(("us survey foot", "us survey feet", "ftus", "us-ft", "ft-us", "us-foot"), 1200 / 3937),
     **dict.fromkeys(("foot_us", "us_survey_foot", "us foot", "us feet", "us_foot"), 1200 / 3937),
 }  # metres in a unit of heights, by its names in files (in lower case)
-Source = str | os.PathLike[str]
 LOWEST_M, HIGHEST_M = -500.0, 9000.0  # of the ground of the Earth; other values are voids that are not marked
 
 
@@ -197,7 +196,7 @@ class Dem:
     to_sea: SeaHeights | None = field(default=None, repr=False)
 
     @classmethod
-    def open(cls, sources: Source | Sequence[Source]) -> "Dem":
+    def open(cls, sources: Path_ | Sequence[Path_]) -> "Dem":
         """Open a DEM: one raster, or several that make a mosaic, such as a VRT; no pixel is read.
 
         A RasterReadError says that a file cannot be opened, a RasterError that it has no CRS, more than one
@@ -331,10 +330,8 @@ def _heights_of(path: str) -> Heights:
         raise RasterError(f"{path} has a coordinate reference system that is not one of the Earth")
     if not (math.isfinite(scale) and math.isfinite(offset) and scale != 0):
         raise RasterError(f"{path} scales its heights by {scale:g} and moves them by {offset:g}; correct it")
-    try:
+    with named_errors(path, RasterError):
         reference = vertical_reference(wkt)
-    except RasterError as error:
-        raise RasterError(f"{path}: {error}") from error
     unit_m = _unit_m(path, unit, reference, wkt)
     factor = unit_m or 1.0
     return Heights(wkt, reference, scale * factor, offset * factor, unit_m is not None)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import ParameterError, caused_errors
 from uavseg.execution.executors import threads_of_gdal
 from uavseg.plain_text import one_line, shown
 
@@ -149,13 +149,10 @@ def _check_built(compress: str) -> None:
     from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
     how = {"driver": "GTiff", "width": 1, "height": 1, "count": 1, "dtype": "uint8", "compress": compress}
-    try:
-        with gdal_env(), MemoryFile(ext=".tif") as memory:
-            quiet_open(memory.name, "w", **how).close()
-    except GDAL_ERRORS as error:
-        raise ParameterError(
-            f"GDAL is built without COMPRESS={compress} here; {_listed(_INTERNAL)} are there"
-        ) from error
+    missing = f"GDAL is built without COMPRESS={compress} here; {_listed(_INTERNAL)} are there"
+    refusing = caused_errors(missing, ParameterError, *GDAL_ERRORS, form="{}")
+    with refusing, gdal_env(), MemoryFile(ext=".tif") as memory:
+        quiet_open(memory.name, "w", **how).close()
 
 
 def _listed(names: tuple[str, ...]) -> str:

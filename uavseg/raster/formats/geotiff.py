@@ -14,12 +14,11 @@ from rasterio.windows import Window as FileWindow
 
 from uavseg.arrays import Path_, Uint32s
 from uavseg.dataclass import dataclass
-from uavseg.errors import OutputError, RasterReadError
+from uavseg.errors import OutputError, RasterReadError, caused_errors
 from uavseg.execution.executors import Map, serial, threads_of_gdal, usable_cores
 from uavseg.inputs import regular_file
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.output.renames import recover
-from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import check_limits, check_readable_whole
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 from uavseg.raster.formats.creation import DEFAULT, CreationOptions
@@ -210,7 +209,7 @@ def read_geotiff(
     than expected, a RasterError that its header claims more than the file can hold.
     """
     regular_file(path)
-    try:
+    with caused_errors(f"{os.fspath(path)} cannot be read as a raster", RasterReadError, *GDAL_ERRORS):
         options = {"driver": "GTiff", "num_threads": threads_of_gdal("all_cpus")}
         with gdal_env(), quiet_open(_page_name(path, page), **options) as file:
             check_limits(os.fspath(path), file)
@@ -219,8 +218,6 @@ def read_geotiff(
             check_readable_whole(os.fspath(path), file)
             geobox = GeoBox(file.shape, file.transform, file.crs)
             return file.read(), geobox, [text or "" for text in file.descriptions], file.tags()
-    except GDAL_ERRORS as error:
-        raise RasterReadError(f"{os.fspath(path)} cannot be read as a raster ({cause_of(error)})") from error
 
 
 def _page_name(path: Path_, page: int) -> str:
@@ -251,11 +248,8 @@ def _check_complete(path: Path, page: int = 1) -> None:
 @contextmanager
 def _write_errors(path: Path_) -> Iterator[None]:
     """Raise GDAL's errors on writing as OutputError."""
-    try:
-        with gdal_env():
-            yield
-    except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
+    with caused_errors(f"{os.fspath(path)} cannot be written", OutputError, *GDAL_ERRORS), gdal_env():
+        yield
 
 
 class LabelTile(Protocol):

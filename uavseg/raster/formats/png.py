@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from rasterio.io import DatasetReader
 
 from uavseg.arrays import Bools, Integers, Path_, Uint8s
-from uavseg.errors import OutputError, RasterReadError
+from uavseg.errors import OutputError, RasterReadError, caused_errors
 from uavseg.output.atomic import atomic_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import check_readable_whole, open_checked
@@ -45,11 +45,9 @@ def write_png(path: Path_, grey: Uint8s, overwrite: bool = False, opaque: Bools 
     rows, cols = grey.shape
     bands = [grey] if opaque is None else [grey, opaque * np.uint8(255)]
     how = {"driver": "PNG", "height": rows, "width": cols, "count": len(bands), "dtype": "uint8"}
-    try:
-        with atomic_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
-            file.write(np.stack(bands))
-    except GDAL_ERRORS as error:
-        raise OutputError(f"{os.fspath(path)} cannot be written ({cause_of(error)})") from error
+    failing = caused_errors(f"{os.fspath(path)} cannot be written", OutputError, *GDAL_ERRORS)
+    with failing, atomic_file(path, overwrite) as target, gdal_env(), quiet_open(target, "w", **how) as file:
+        file.write(np.stack(bands))
 
 
 def to_8_bits(samples: NDArray[np.generic], maximum: int) -> Uint8s:

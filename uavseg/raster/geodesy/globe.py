@@ -20,7 +20,7 @@ from rasterio.warp import transform as gdal_transform
 
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, RasterError
+from uavseg.errors import ParameterError, RasterError, caused_errors
 from uavseg.plain_text import cause_of, shown
 
 Transform = Callable[[Any, Any], tuple[Floats, Floats]]
@@ -97,10 +97,9 @@ def crs_named(text: str) -> Any:
     """Return the horizontal pyproj CRS of a name, such as EPSG:2056; ParameterError if there is none."""
     import pyproj
 
-    try:
+    wanted = f"--crs is a CRS such as EPSG:2056, not {shown(text)}"
+    with caused_errors(wanted, ParameterError, pyproj.exceptions.ProjError, form="{}"):
         crs = pyproj.CRS.from_user_input(text)
-    except pyproj.exceptions.ProjError as error:
-        raise ParameterError(f"--crs is a CRS such as EPSG:2056, not {shown(text)}") from error
     if not (crs.is_geographic or crs.is_projected):
         raise ParameterError(f"--crs {shown(text)} is neither geographic nor projected")
     return crs

@@ -13,7 +13,7 @@ from rasterio.crs import CRS
 from uavseg.arguments import checked
 from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import MapError, ParameterError, RasterError
+from uavseg.errors import MapError, ParameterError, RasterError, caused_errors
 from uavseg.plain_text import shown
 from uavseg.raster.geodesy.globe import is_in_metres, lonlat_transform, unit_name
 from uavseg.raster.grid.tiling import Window
@@ -78,10 +78,8 @@ def parse_size(given: float | str, expected: str, units: Mapping[str, float]) ->
         return float(given), False
     number = given.strip().lower()
     unit = next((name for name in ("px", *units) if number.endswith(name)), "")
-    try:
+    with caused_errors(f"{expected}, not {given!r}", ParameterError, ValueError, form="{}"):
         return float(number.removesuffix(unit)) * units.get(unit, 1.0), unit == "px"
-    except ValueError as error:
-        raise ParameterError(f"{expected}, not {given!r}") from error
 
 
 @checked

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavseg._jit import kernel
 from uavseg.arrays import Bools, Float32s, Integers, Uint8s, Uint16s, Uint32s
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import ParameterError, caused_errors
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.intensity.grey import luminance, luminance_f4, to_grey
 from uavseg.raster.read.dataset import Dataset
@@ -227,10 +227,9 @@ def parse_stretch(text: str) -> StretchSpec:
     if word in ("auto", "dtype", "minmax", "none"):
         return StretchSpec(word)
     form = "percentile" if word.startswith("percentile:") else "given"
-    try:
+    wanted = f"a stretch is one of {FORMS}, not {text!r}"
+    with caused_errors(wanted, ParameterError, ValueError, ZeroDivisionError, form="{}"):
         low, high = (Fraction(part.strip()) for part in word.removeprefix("percentile:").split(","))
-    except (ValueError, ZeroDivisionError) as error:
-        raise ParameterError(f"a stretch is one of {FORMS}, not {text!r}") from error
     if form == "percentile" and not 0 <= low < high <= 100:
         raise ParameterError(f"a percentile stretch takes 0 <= P < Q <= 100, not {text}")
     if low >= high:

@@ -14,7 +14,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissingLibraryError, RasterError
+from uavseg.errors import MissingLibraryError, RasterError, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.array_source import ArraySource, alpha_note, check_pixels, layout_of
@@ -293,10 +293,8 @@ def _transform(array: Any, name: str, notes: list[str]) -> tuple[Affine, bool]:
     else:
         across, down = _fitting(x, y, kept, name, notes)
     found = Affine(across[1], 0.0, across[0], 0.0, down[1], down[0])
-    try:
+    with named_errors(name, RasterError):
         check_transform(found, (int(array.shape[-2]), int(array.shape[-1])))
-    except RasterError as error:
-        raise RasterError(f"{name}: {error}") from error
     return found, True
 
 

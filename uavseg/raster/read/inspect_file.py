@@ -14,7 +14,8 @@ from rasterio.crs import CRS
 from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
-from uavseg.errors import RasterError, RasterReadError
+from uavseg.arrays import Path_
+from uavseg.errors import RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of
 from uavseg.raster.access import opening
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
@@ -29,7 +30,7 @@ _ZEROS = (0.0,) * 6  # the geotransform that some drivers give where there is no
 _BLACK_AND_WHITE = {0: (0, 0, 0, 255), 1: (255, 255, 255, 255)}
 
 
-def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
+def inspect_file(path: Path_) -> RasterFile:
     """Read the metadata of a raster file.
 
     A RasterReadError says that it is not a raster that can be opened, a RasterError that it is of an
@@ -40,9 +41,7 @@ def inspect_file(path: str | os.PathLike[str]) -> RasterFile:
     return found
 
 
-def inspect_unless(
-    path: str | os.PathLike[str], is_other: Callable[[DatasetReader], bool]
-) -> RasterFile | None:
+def inspect_unless(path: Path_, is_other: Callable[[DatasetReader], bool]) -> RasterFile | None:
     """Return the metadata of a raster file as `inspect_file`; None where the open file is something else."""
     name = opening.as_file_name(os.fspath(path))
     try:
@@ -197,10 +196,8 @@ def _masks(path: str, source: DatasetReader) -> str:
 def _transform(path: str, source: DatasetReader) -> Affine | None:
     transform = source.transform
     if opening.has_place(source) and not transform.is_identity and tuple(transform)[:6] != _ZEROS:
-        try:
+        with named_errors(path, RasterError):
             check_transform(transform, source.shape)
-        except RasterError as error:
-            raise RasterError(f"{path}: {error}") from error
         return transform
     has_points, warped = bool(source.gcps[0]), f"{Path(path).stem}.warped.tif"
     if has_points or source.rpcs is not None:

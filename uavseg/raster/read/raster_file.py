@@ -15,8 +15,7 @@ from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MosaicError, ParameterError, RasterReadError, UnchosenBandsError
-from uavseg.plain_text import cause_of
+from uavseg.errors import MosaicError, ParameterError, RasterReadError, UnchosenBandsError, caused_errors
 from uavseg.raster.access import opening
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.tiling import Window
@@ -240,11 +239,9 @@ def file_states(path: str, driver: str | None = None, online: bool = False) -> t
     file in an archive is represented by the archive; a remote file by its address, with -1 and -1. A
     RasterReadError says that the raster cannot be opened.
     """
-    try:
-        with opening.gdal_env(online), opening.quiet_open(path, driver=driver) as source:
-            names = sorted({path, *source.files})
-    except opening.GDAL_ERRORS as error:
-        raise RasterReadError(f"{path} cannot be opened as a raster ({cause_of(error)})") from error
+    failing = caused_errors(f"{path} cannot be opened as a raster", RasterReadError, *opening.GDAL_ERRORS)
+    with failing, opening.gdal_env(online), opening.quiet_open(path, driver=driver) as source:
+        names = sorted({path, *source.files})
     return tuple(_state(name) for name in names)
 
 

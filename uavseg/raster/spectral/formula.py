@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Float32s, Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import BandError, ExpressionError, ParameterError
+from uavseg.errors import BandError, ExpressionError, ParameterError, named_errors
 from uavseg.expressions import ARITHMETIC, Evaluator
 from uavseg.plain_text import printable, shown
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
@@ -149,10 +149,8 @@ def _find(layout: BandLayout, name: str) -> int:
 
 
 def _find_of(layout: BandLayout, index: str, found: SpectralIndex, name: str) -> int:
-    try:
+    with named_errors(f"{index} = {found.formula}", BandError, ParameterError):
         return find_band(layout, name)
-    except BandError as error:
-        raise ParameterError(f"{index} = {found.formula}: {error}") from error
 
 
 def _power(base: Any, exponent: Any) -> Any:

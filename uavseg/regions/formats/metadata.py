@@ -5,10 +5,12 @@ schema, GeoJSON as a foreign member (RFC 7946, 6.1) and KML as extended data of 
 a sequence of GeoJSON features have none.
 """
 
+import html
 import json
 import math
 import os
 import re
+import sqlite3
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -63,8 +65,6 @@ def read_json_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 def read_kml_metadata(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read the metadata of a KML file."""
-    import html
-
     head = read_start(path, _HEAD, RegionError).decode("utf-8", "replace").partition("<Placemark")[0]
     data = _KML_DATA.search(head)
     return parse_metadata(html.unescape(data[1])) if data else {}
@@ -176,8 +176,6 @@ def _bounds(extent: Any) -> tuple[float, float, float, float] | None:
 
 def _holds_tiles(path: str | os.PathLike[str]) -> bool:
     """Check whether a GeoPackage holds images and no features."""
-    import sqlite3
-
     try:
         check_database(path, os.fspath(path), RegionError)
         with open_database(path) as base:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import GeoDataFrame, Integers, Objects, Path_
 from uavseg.dataclass import dataclass
-from uavseg.errors import RegionError, UavsegError
+from uavseg.errors import RegionError, UavsegError, caused_errors
 from uavseg.execution.executors import steps_done
 from uavseg.output.staging import default_signals
 from uavseg.plain_text import cause_of
@@ -203,11 +203,9 @@ def _to_wgs84(frame: "GeoDataFrame", name: str) -> "GeoDataFrame":
             f"{name} has no coordinate system, so its position on Earth is unknown; give the file one "
             "(ogr2ogr -a_srs), or extract from a raster that has one"
         )
-    try:
+    nowhere = f"the coordinate system of {name} has no place on Earth"
+    with caused_errors(nowhere, RegionError, ProjError, form="{}: {}"):
         frame = frame.to_crs(WGS84)
-    except ProjError as error:
-        reason = cause_of(error)
-        raise RegionError(f"the coordinate system of {name} has no place on Earth: {reason}") from error
     west, south, east, north = frame.total_bounds
     turned = 180.001 < east <= 360.001 and east - west < 180  # longitudes may go on past the antimeridian
     if not (west >= -180.001 and south >= -90.001 and (east <= 180.001 or turned) and north <= 90.001):

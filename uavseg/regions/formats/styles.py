@@ -5,12 +5,12 @@ transparent and outlined: in one colour, in one for each class where they have a
 where they have levels.
 """
 
-import os
 import sqlite3
 from html import escape
 from itertools import cycle
 from pathlib import Path
 
+from uavseg.arrays import Path_
 from uavseg.errors import OutputError
 from uavseg.output.atomic import atomic_file, check_target
 from uavseg.regions.table import Regions
@@ -140,7 +140,7 @@ def _ramp(k: int, count: int) -> str:
     return "#" + "".join(f"{part:02x}" for part in mixed)
 
 
-def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = False) -> Path:
+def check_style(target: Path_, format: str, overwrite: bool = False) -> Path:
     """Return the style file of a file of regions (its stem with .qml or .sld), if it may be made.
 
     The format is "qml" or "sld". An OutputError says that it is another one, or as of `check_target`.
@@ -150,9 +150,7 @@ def check_style(target: str | os.PathLike[str], format: str, overwrite: bool = F
     return check_target(Path(target).with_suffix(f".{format}"), overwrite)
 
 
-def write_style(
-    regions: Regions, target: str | os.PathLike[str], format: str, overwrite: bool = False
-) -> Path:
+def write_style(regions: Regions, target: Path_, format: str, overwrite: bool = False) -> Path:
     """Write the style of regions beside their file, see `check_style`; return its path."""
     path = check_style(target, format, overwrite)
     text = qml(regions) if format == "qml" else sld(regions, Path(target).stem)

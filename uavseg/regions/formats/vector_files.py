@@ -20,10 +20,9 @@ import shapely
 
 from uavseg.access import current_policy
 from uavseg.arrays import Objects, Path_
-from uavseg.errors import AccessError, MissingLibraryError, RegionError
+from uavseg.errors import AccessError, MissingLibraryError, RegionError, caused_errors
 from uavseg.inputs import MAX_TEXT, parse_json, read_bytes, read_start, regular_file
 from uavseg.output.staging import default_signals
-from uavseg.plain_text import cause_of
 from uavseg.raster.access.opening import OFFLINE_OPTIONS
 from uavseg.raster.access.untrusted import check_database
 
@@ -121,11 +120,9 @@ def _check_json(source: Path_ | bytes, name: str) -> None:
     if current_policy().allow_network or not any(map(_MAY_LINK.search, _overlapping(source, 64))):
         return
     content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
-    try:
-        with default_signals():
-            parsed = parse_json(content.decode())
-    except ValueError as error:
-        raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
+    unread = caused_errors(f"{name} cannot be read as regions", RegionError, ValueError, form="{}: {}")
+    with unread, default_signals():
+        parsed = parse_json(content.decode())
     link = _linked_crs(parsed)
     if link is not None:
         current_policy().check_address(name, f"{link[:100]!r} as its coordinate reference system")
@@ -238,13 +235,11 @@ def _check_json_count(source: Path_ | bytes, name: str, features: int, is_sequen
     if present <= counted:
         content = source if isinstance(source, bytes) else read_bytes(source, RegionError, MAX_TEXT)
         texts = content.split(_separator(content)) if is_sequence else [content]
-        try:
-            with default_signals():
-                present = sum(
-                    _features_of(parse_json(text.decode("utf-8-sig"))) for text in texts if text.strip()
-                )
-        except ValueError as error:
-            raise RegionError(f"{name} cannot be read as regions: {cause_of(error)}") from error
+        unread = caused_errors(f"{name} cannot be read as regions", RegionError, ValueError, form="{}: {}")
+        with unread, default_signals():
+            present = sum(
+                _features_of(parse_json(text.decode("utf-8-sig"))) for text in texts if text.strip()
+            )
     if counted < present:
         raise RegionError(f"{name} has {present:,} features, of which {counted:,} can be read; repair it")
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavseg.arrays import Bools
-from uavseg.errors import RegionError
+from uavseg.errors import RegionError, caused_errors
 from uavseg.expressions import ALWAYS, ARITHMETIC, LOGIC, Evaluator, Tristate
 from uavseg.plain_text import first_of
 from uavseg.regions.table import Regions
@@ -107,13 +107,10 @@ def where(columns: Mapping[str, NDArray[Any]], condition: str) -> Bools:
     """
     tree = _parse(condition)
     count = len(next(iter(columns.values())))
-    with np.errstate(all="ignore"):
-        try:
-            answer = _Condition(columns, condition).evaluate(tree)
-        except (OverflowError, RecursionError) as error:
-            raise RegionError(
-                f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
-            ) from error
+    large = f"the condition {condition[:60]!r} is too large a calculation; make it simpler"
+    refusing = caused_errors(large, RegionError, OverflowError, RecursionError, form="{}")
+    with np.errstate(all="ignore"), refusing:
+        answer = _Condition(columns, condition).evaluate(tree)
     if not isinstance(answer, Tristate):
         raise RegionError(
             f"the condition {condition!r} is not a condition; compare with a value, as in mean > 0.7"
