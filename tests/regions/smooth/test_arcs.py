@@ -6,7 +6,17 @@ from numpy.typing import NDArray
 
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.outline.trace import trace
-from uavseg.regions.smooth.arcs import Nodes, edge_key, find_nodes, is_reversed, load_arc, unit_corners
+from uavseg.regions.smooth.arcs import (
+    STEPS_PER_PIXEL,
+    Nodes,
+    edge_key,
+    find_nodes,
+    is_reversed,
+    join_arcs,
+    load_arc,
+    split_arcs,
+    unit_corners,
+)
 
 Labels = NDArray[np.uint32]
 
@@ -61,3 +71,31 @@ def test_an_arc_has_the_same_corners_in_both_directions(labels: Labels) -> None:
                 second = (origin - 1 if reverse else origin + 1) % total
                 arcs.append((base.tolist(), edge_key(own, origin, second, labels.shape[1])))
             assert arcs[0] == arcs[1]
+
+
+def turned_to_first(ring: NDArray) -> list[list[int]]:
+    return np.roll(ring, -int(np.lexsort(ring.T[::-1])[0]), axis=0).tolist()
+
+
+@given(label_images())
+@settings(max_examples=60)
+def test_arcs_are_the_boundaries_once_and_make_the_same_rings(labels: Labels) -> None:
+    rings = trace(labels)
+    if not len(rings.labels):
+        return
+    arcs, fixed = split_arcs(rings, labels.shape)
+    padded = np.pad(labels, 1).astype(np.int64)
+    boundaries = sum(np.count_nonzero(np.diff(padded, axis=axis)) for axis in (0, 1))
+    length = 0
+    for k, (start, count) in enumerate(zip(arcs.starts, arcs.counts, strict=True)):
+        corners = arcs.corners[start : start + count] // STEPS_PER_PIXEL
+        length += int(np.abs(np.diff(corners, axis=0)).sum())
+        (row, col), (down, right) = corners[0], np.sign(corners[1] - corners[0])
+        beside = padded[row + (down > 0), col : col + 2] if down else padded[row : row + 2, col + (right > 0)]
+        assert sorted(arcs.sides[k]) == sorted(beside)
+        assert not fixed[start + 1 : start + count - 1].any()
+    assert length == boundaries
+    made = join_arcs(rings, arcs)
+    for ring in range(len(rings.labels)):
+        before, after = (one.vertices[one.starts[ring] : one.starts[ring + 1]] for one in (rings, made))
+        assert turned_to_first(after // STEPS_PER_PIXEL) == turned_to_first(before)

@@ -1,4 +1,4 @@
-"""Topology of boundaries: nodes, where more than two arcs meet, and arcs between them, fitted by sleeves.
+"""Topology of boundaries: nodes, where more than two arcs meet, and arcs between them; sleeve fitting.
 
 An arc that two rings share has one orientation for both.
 
@@ -12,11 +12,13 @@ Zhao, Z.; Saalfeld, A. (1997): Linear-time sleeve-fitting polyline simplificatio
 214-223.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Integers
+from uavseg.arrays import Bools, Integers
 from uavseg.dataclass import dataclass
 from uavseg.regions.outline.rings import Rings
 
@@ -34,6 +36,19 @@ class Nodes:
 
     by_row: Integers
     by_col: Integers
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """Arcs of rings, each once, and where rings use them; those of a ring follow each other."""
+
+    corners: Integers  # (v, 2): row and column in steps, in the orientation of the arc, with both ends
+    starts: Integers  # (a,): offset of each arc in `corners`
+    counts: Integers  # (a,): its corners
+    sides: Integers  # (a, 2): the regions that it separates, 0 for none
+    used: Integers  # (u,): the arc of each use
+    rings: Integers  # (u,): its ring
+    turned: Bools  # (u,): whether the ring runs against the arc
 
 
 def find_nodes(rings: Rings, shape: tuple[int, int]) -> Nodes:
@@ -115,6 +130,92 @@ def lower_bound(keys, key):  # type: ignore[no-untyped-def]
         else:
             high = middle
     return low
+
+
+def split_arcs(rings: Rings, shape: tuple[int, int]) -> tuple[Arcs, Bools]:
+    """Split rings into arcs between nodes; also return which of the arcs' corners, (v,), are nodes.
+
+    Nodes are those of `find_nodes` and the vertices on the border of the raster, whose shape is given. An arc
+    begins at its end of the smaller key; a closed one goes on to its neighbour of the smaller key.
+    """
+    vertices = rings.vertices.astype(np.int64)
+    keys = vertices[:, 0] * (shape[1] + 1) + vertices[:, 1]
+    nodes = (vertices % shape == 0).any(axis=1) | np.isin(keys, find_nodes(rings, shape).by_row)
+    begin = np.flatnonzero(_ends(vertices, keys, rings.starts, nodes))
+    ring = np.searchsorted(rings.starts, begin, side="right") - 1
+    end = np.empty_like(begin)
+    end[previous(ring)] = begin
+    first, total = rings.starts[ring], np.diff(rings.starts)[ring]
+    second = first + (begin - first + 1) % total
+    last = first + (end - first - 1) % total
+    turned = np.where(begin == end, keys[second] > keys[last], keys[begin] > keys[end])
+    origin = np.where(turned, end, begin)
+    edge = keys[origin] + 1j * keys[np.where(turned, last, second)]
+    _, one, used = np.unique(edge, return_index=True, return_inverse=True)
+    label = rings.labels[ring]
+    sides = np.stack([label[one], np.bincount(used, label).astype(np.int64) - label[one]], axis=1)
+    counts = ((end - begin - 1) % total + 2)[one]
+    ahead = ranges(0, counts) * np.where(turned, -1, 1)[one].repeat(counts)
+    first, total, origin = (part[one].repeat(counts) for part in (first, total, origin))
+    index = first + (origin - first + ahead) % total
+    arcs = Arcs(
+        corners=vertices[index] * STEPS_PER_PIXEL,
+        starts=np.cumsum(counts) - counts,
+        counts=counts,
+        sides=sides,
+        used=used,
+        rings=ring,
+        turned=turned,
+    )
+    return arcs, nodes[index]
+
+
+def _ends(vertices: Integers, keys: Integers, starts: Integers, nodes: Bools) -> Bools:
+    """Return the vertices, (v,), where arcs end: nodes, and in a ring without any one corner.
+
+    It is the farthest from the middle of the ring, which is a corner of a rectangle.
+    """
+    ring = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    doubled = np.minimum.reduceat(vertices, starts[:-1]) + np.maximum.reduceat(vertices, starts[:-1])
+    far = ((2 * vertices - doubled[ring]) ** 2).sum(axis=1)
+    farthest = np.lexsort((-keys, far, ring))[starts[1:] - 1]
+    ends = nodes.copy()
+    ends[farthest[np.bincount(ring, nodes) == 0]] = True
+    return ends
+
+
+def join_arcs(rings: Rings, arcs: Arcs) -> Rings:
+    """Return the rings with the corners of their arcs, which are in steps."""
+    counts = arcs.counts[arcs.used] - 1
+    begin = arcs.starts[arcs.used] + counts * arcs.turned
+    ahead = ranges(0, counts) * np.where(arcs.turned, -1, 1).repeat(counts)
+    starts = np.append(0, np.cumsum(np.bincount(arcs.rings, counts).astype(np.int64)))
+    return replace(rings, vertices=arcs.corners[begin.repeat(counts) + ahead].astype(np.int32), starts=starts)
+
+
+def ranges(begin: Integers | int, counts: Integers) -> Integers:
+    """Return the indices from each beginning on, one range after the other.
+
+    Examples
+    --------
+    >>> ranges(np.array([5, 0]), np.array([2, 3])).tolist()
+    [5, 6, 0, 1, 2]
+    """
+    return np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
+
+
+def previous(group: Integers) -> Integers:
+    """Return the item before each, (n,), in its group of successive items; the last one before the first.
+
+    Examples
+    --------
+    >>> previous(np.array([0, 0, 0, 4])).tolist()
+    [2, 0, 1, 3]
+    """
+    first = np.diff(group, prepend=-1) > 0
+    before = np.arange(len(group)) - 1
+    before[first] = np.flatnonzero(np.roll(first, -1))
+    return before
 
 
 @inlined

@@ -1,8 +1,10 @@
 """Regularised outlines: right angles and common directions, with shared borders kept, within a distance.
 
-Arcs are simplified (Douglas and Peucker). The main direction of a region is the mean of the directions of its
-Arcs are simplified (Douglas, Peucker). The main direction of a region is the mean of the directions of its
-are near enough are drawn along that direction or its normal, at their mean offset (least squares).
+Arcs, between nodes where regions meet, are simplified (Douglas and Peucker). The main direction of a region
+is the mean of the directions of its edges modulo right angles, weighted by squared length; edges far from it
+are left out, and a region where few are left has none. Successive edges of an arc are merged, best fit first,
+while their corners are within the distance of one line along the direction or its normal, at their mean
+offset (least squares). Then the lines are intersected.
 """
 
 from dataclasses import replace
@@ -18,29 +20,36 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.shapes import LazyPolygons
-from uavseg.regions.smooth.arcs import STEPS_PER_PIXEL, find_nodes
+from uavseg.regions.smooth.arcs import STEPS_PER_PIXEL, Arcs, join_arcs, previous, ranges, split_arcs
 from uavseg.regions.smooth.smooth_outlines import finer_grid
 
 _Points = NDArray[np.complex128]  # x + 1j y
-_Lines = tuple[_Points, Floats, Floats]  # normals, offsets along them, largest distances of points
 _STAIRS = 1.4  # pixels, and 0.85 of the distance, at most: by which arcs are simplified first
 _STRAIGHT = 4.0  # pixels: shorter edges may be stairs, and are no sign of a direction
-_NEAR, _SAME = np.cos(4 * np.radians([12, 5]))  # edges follow a direction; adjacent regions have one
+_NEAR, _SAME = np.cos(4 * np.radians([12, 5]))  # within which edges follow it; adjacent regions share it
 _REGULAR = 0.65  # of the length of a region's simplified outline that follows its direction, at least
 _LEAST = 0.5  # pixels: the smallest distance that is tried
-_PIECE = 16  # segments of an arc that are compared with others at once
+_PIECE = 16  # segments that are compared with others at once
 
 
 @dataclass(frozen=True, slots=True)
-class _Arcs:
-    """Arcs of rings, each once, and where rings use them; those of a ring follow each other."""
+class _Corners:
+    """Corners of arcs on the ground, rotated so that the direction of their arc is along x."""
 
-    corners: Integers  # (v, 2): row and column in steps, in the orientation of the arc
-    starts: Integers  # (a,): offset of each arc in `corners`
-    counts: Integers  # (a,): its corners
-    used: Integers  # (u,): the arc of each use
-    rings: Integers  # (u,): its ring
-    turned: Bools  # (u,): whether the ring runs against the arc
+    points: _Points  # (v,): metres
+    fixed: Bools  # (v,): nodes, which are ends of arcs
+    arc: Integers  # (v,): the arc of each
+
+
+@dataclass(frozen=True, slots=True)
+class _Runs:
+    """Successive stretches of arcs from corner to corner, and a line for each."""
+
+    begin: Integers  # (n,): its first corner
+    end: Integers  # (n,): its last, where the next run of the arc begins
+    normal: _Points  # (n,): unit normal of the line
+    offset: Floats  # (n,): of the line along its normal, in metres
+    away: Floats  # (n,): the largest distance of a corner from the line, in metres
 
 
 def regularise_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings, GeoBox, int]:
@@ -51,6 +60,9 @@ def regularise_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Ri
     are units of the transform where there is no CRS. Borders stay shared, outlines valid, and no region or
     hole vanishes. An arc has the direction of the longer of its regions. It stays on the pixel edges where
     neither has one, as round ones, and single edges do where they would leave the distance.
+
+    Arcs that cross others, or make a region invalid, are drawn again within half of their distance. Below
+    half a pixel it becomes 0, and the arc stays on the pixel edges, where it is never wrong; so this ends.
 
     Returns rings in corners of the finer grid that is the second value, see `finer_grid`, and the number of
     regions that stay on pixel edges altogether.
@@ -67,226 +79,222 @@ def regularise_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Ri
     if not len(rings.labels):
         return rings, fine, 0
     step = np.array(ground_resolution(geobox)[::-1]) / STEPS_PER_PIXEL  # metres, down and to the right
-    pixel, (arcs, sides, fixed) = STEPS_PER_PIXEL * float(step.max()), _split(rings, geobox.shape)
+    pixel = STEPS_PER_PIXEL * float(step.max())
+    arcs, fixed = split_arcs(rings, geobox.shape)
+    arc = np.repeat(np.arange(len(arcs.counts)), arcs.counts)
     points: _Points = arcs.corners @ (step * np.array([1j, 1]))
-    arc_of = np.repeat(np.arange(len(sides)), arcs.counts)
-    numbered = np.column_stack([points.real, points.imag, np.arange(len(points))])
-    lines, tolerance = shapely.linestrings(numbered, indices=arc_of), min(_STAIRS * pixel, 0.85 * metres)
-    lines = shapely.simplify(lines, tolerance, preserve_topology=False)
-    kept = shapely.get_coordinates(lines, include_z=True)[:, 2].astype(np.int64)
-    edges = np.stack([kept[:-1], kept[1:]])[:, arc_of[kept[:-1]] == arc_of[kept[1:]]]
-    turns = _directions(
-        points[edges[1]] - points[edges[0]], sides[arc_of[edges[0]]], sides, _STRAIGHT * pixel
-    )
-    reach, turns = np.where(turns == 0, 0, metres - float(step.max())), np.where(turns == 0, 1, turns)
-    points = points * turns.conj()[arc_of]
-    while True:
+    edges = _simplify(points, arc, min(_STAIRS * pixel, 0.85 * metres))
+    turns = _directions(points[edges[1]] - points[edges[0]], arc[edges[0]], arcs.sides, _STRAIGHT * pixel)
+    reach = np.where(turns == 0, 0, metres - float(step.max()))
+    reach[reach < _LEAST * pixel] = 0
+    turns = np.where(turns == 0, 1, turns)
+    corners = _Corners(points=points * turns.conj()[arc], fixed=fixed, arc=arc)
+    drawn, made = arcs, join_arcs(rings, arcs)
+    changed, regular = reach > 0, np.zeros(len(reach), bool)
+    while changed.any():
+        runs = _merge(corners, edges[:, changed[arc[edges[0]]]], reach)
+        path, of = _join(corners, runs, *_intersect(corners, runs, reach))
+        path *= turns[of]
+        new = np.rint(np.stack([path.imag, path.real], axis=1) / step).astype(np.int64)
+        drawn = _replace(drawn, arcs, changed, new, of)
+        regular = drawn.starts != arcs.starts
+        changed = regular & _crossing(drawn, changed)
+        if not changed.any():
+            made = join_arcs(rings, drawn)
+            changed = regular & np.isin(arcs.sides, _invalid(rings, made)).any(axis=1)
+        reach[changed] /= 2
         reach[reach < _LEAST * pixel] = 0
-        drawn, regular = _drawn(arcs, points, fixed, arc_of, edges, turns, reach, step)
-        wrong = regular & _crossing(drawn, regular)
-        if not wrong.any():
-            made = _linked(rings, drawn)
-            wrong = regular & np.isin(sides, _invalid(rings, made)).any(axis=1)
-            if not wrong.any():
-                return made, fine, len(np.setdiff1d(rings.labels, sides[regular]))
-        reach[wrong] /= 2
+    return made, fine, len(np.setdiff1d(rings.labels, arcs.sides[regular]))
 
 
-def _ranges(begin: Integers | int, counts: Integers) -> Integers:
-    """Return the indices from each beginning on, one range after the other."""
-    return np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
+def _along(points: _Points, direction: _Points) -> Floats:
+    """Return the coordinates of points along unit vectors."""
+    return np.asarray((points * direction.conj()).real)
 
 
-def _split(rings: Rings, shape: tuple[int, int]) -> tuple[_Arcs, Integers, Bools]:
-    """Split rings: arcs, their regions, (a, 2), 0 for none, and which of their corners, (v,), are nodes.
-
-    A ring without a node begins where it is farthest from its middle, which is a corner of a rectangle.
-    """
-    corners, starts = rings.vertices.astype(np.int64), rings.starts[:-1]
-    of_corner, keys = np.repeat(np.arange(len(starts)), np.diff(rings.starts)), corners @ [shape[1] + 1, 1]
-    nodes = (corners % shape == 0).any(axis=1) | np.isin(keys, find_nodes(rings, shape).by_row)
-    middle = np.minimum.reduceat(corners, starts) + np.maximum.reduceat(corners, starts)
-    far = ((2 * corners - middle[of_corner]) ** 2).sum(axis=1)
-    free = np.bincount(of_corner, nodes) == 0
-    ends = nodes.copy()
-    ends[np.lexsort((-keys, far, of_corner))[rings.starts[1:] - 1][free]] = True
-    begin = np.flatnonzero(ends)
-    ring = of_corner[begin]
-    first, total, new = starts[ring], np.diff(rings.starts)[ring], np.diff(ring, prepend=-1) > 0
-    after = np.roll(begin, -1)
-    after[np.roll(new, -1)] = begin[new]
-    there, back = first + (begin - first + 1) % total, first + (after - first - 1) % total
-    turned = np.where(begin == after, keys[there] > keys[back], keys[begin] > keys[after])
-    origin, second = np.where(turned, after, begin), np.where(turned, back, there)
-    down, right = np.sign(corners[second] - corners[origin]).T
-    _, one, used = np.unique(9 * keys[origin] + 3 * down + right, return_index=True, return_inverse=True)
-    sides, order = np.zeros((len(one), 2), np.int64), np.argsort(used, kind="stable")
-    sides[used[order], (np.diff(used[order], prepend=-1) == 0).astype(np.int64)] = rings.labels[ring[order]]
-    counts = ((after - begin - 1) % total + 2)[one]
-    along = np.where(turned, -1, 1)[one].repeat(counts) * _ranges(0, counts)
-    first, total, origin = (part[one].repeat(counts) for part in (first, total, origin))
-    index, offsets = first + (origin - first + along) % total, np.cumsum(counts) - counts
-    corners = corners[index] * STEPS_PER_PIXEL
-    is_end = np.isin(np.arange(len(index)), [offsets, offsets + counts - 1])
-    arcs = _Arcs(corners=corners, starts=offsets, counts=counts, used=used, rings=ring, turned=turned)
-    return arcs, sides, is_end & nodes[index]
+def _simplify(points: _Points, arc: Integers, tolerance: float) -> Integers:
+    """Simplify arcs: points, and the arc of each, (v,); return the first and last point of edges, (2, e)."""
+    numbered = np.column_stack([points.real, points.imag, np.arange(len(points))])
+    lines = shapely.simplify(shapely.linestrings(numbered, indices=arc), tolerance, preserve_topology=False)
+    left = shapely.get_coordinates(lines, include_z=True)[:, 2].astype(np.int64)
+    return np.stack([left[:-1], left[1:]])[:, arc[left[:-1]] == arc[left[1:]]]
 
 
-def _directions(along: _Points, regions: Integers, sides: Integers, least: float) -> _Points:
+def _directions(edges: _Points, arc: Integers, sides: Integers, straight: float) -> _Points:
     """Return the direction of each arc, (a,): that of the longer of its regions; 0 where neither has one.
 
-    `along` and `regions` are the vectors, (e,), and the regions, (e, 2), of edges.
+    Edges are vectors, (e,), with the arc of each; those shorter than `straight` follow no direction. Means
+    are of fourth powers, which are the same for directions that differ by right angles. A region with nearly
+    the direction of a longer neighbour takes that one.
     """
-    label, along, count = regions.T.reshape(-1), np.tile(along, 2), int(sides.max()) + 1
-    length = np.abs(along)
-    along = (along / np.maximum(length, 1e-300)) ** 4  # the same for directions that differ by right angles
+    label = sides[arc].T.reshape(-1)
+    length = np.tile(np.abs(edges), 2)
+    power = (np.tile(edges, 2) / np.maximum(length, 1e-300)) ** 4
     near = np.ones(len(label), bool)
     for _ in range(5):
-        weighted = length**2 * along * near
-        mean = np.bincount(label, weighted.real, count) + 1j * np.bincount(label, weighted.imag, count)
+        weighted = length**2 * power * near
+        mean = np.bincount(label, weighted.real) + 1j * np.bincount(label, weighted.imag)
         mean /= np.maximum(np.abs(mean), 1e-300)
-        near = (along * mean[label].conj()).real >= _NEAR
-    total = np.bincount(label, length, count)
-    regular = np.bincount(label, length * (near & (length >= least)), count) >= _REGULAR * total
+        near = _along(power, mean[label]) >= _NEAR
+    total = np.bincount(label, length)
+    regular = np.bincount(label, length * (near & (length >= straight))) >= _REGULAR * total
     regular[0] = False
-    rank = np.lexsort((-np.arange(count), total, regular)).argsort()  # the longest regular one is the last
+    rank = np.lexsort((-np.arange(len(total)), total, regular)).argsort()  # the longest regular one is last
     small, large = np.take_along_axis(sides, np.argsort(rank[sides], axis=1), axis=1).T
-    alike = np.flatnonzero(regular[small] & ((mean[small] * mean[large].conj()).real >= _SAME))
+    alike = np.flatnonzero(regular[small] & (_along(mean[small], mean[large]) >= _SAME))
     alike = alike[np.argsort(rank[large[alike]])]
     mean[small[alike]] = mean[large[alike]]
     return np.where(regular[large], np.exp(0.25j * np.angle(mean[large])), 0)
 
 
-def _fit(points: _Points, fixed: Bools, begin: Integers, end: Integers, axis: Integers) -> _Lines:
-    """Fit lines to runs: along axis 0 or 1 at the mean offset or through a node, else from end to end."""
-    sides, ends, chord = end - begin, np.cumsum(end - begin), points[end] - points[begin]
-    length, index = np.abs(np.diff(points)), _ranges(begin, sides)
-    centre = np.add.reduceat((length * (points[1:] + points[:-1]) / 2)[index], ends - sides)
-    centre /= np.add.reduceat(length[index], ends - sides)
-    anchor = np.where(fixed[begin] | (axis == 2), points[begin], centre)
-    anchor = np.where(fixed[end], points[end], anchor)
+def _fit(corners: _Corners, begin: Integers, end: Integers, axis: Integers) -> _Runs:
+    """Fit lines to runs: along axis 0 or 1 at the mean offset or through a node; 2 is from end to end."""
+    points, counts = corners.points, end - begin
+    starts, inner = np.cumsum(counts) - counts, ranges(begin, counts)
+    length = np.abs(points[inner + 1] - points[inner])
+    centre = np.add.reduceat(length * (points[inner + 1] + points[inner]) / 2, starts)
+    centre /= np.add.reduceat(length, starts)
+    anchor = np.where(corners.fixed[begin] | (axis == 2), points[begin], centre)
+    anchor = np.where(corners.fixed[end], points[end], anchor)
+    chord = points[end] - points[begin]
     normal = np.choose(axis, [np.full(len(axis), 1j), 1, 1j * chord / np.maximum(np.abs(chord), 1e-300)])
-    offset = (anchor * normal.conj()).real
-    away = np.abs((points[index] * normal.conj().repeat(sides)).real - offset.repeat(sides))
-    last = np.abs((points[end] * normal.conj()).real - offset)
-    return normal, offset, np.maximum(np.maximum.reduceat(away, ends - sides), last)
+    offset = _along(anchor, normal)
+    away = np.abs(_along(points[inner], normal.repeat(counts)) - offset.repeat(counts))
+    away = np.maximum(np.maximum.reduceat(away, starts), np.abs(_along(points[end], normal) - offset))
+    return _Runs(begin=begin, end=end, normal=normal, offset=offset, away=away)
 
 
-def _merged(points: _Points, fixed: Bools, edges: Integers, reach: Floats) -> list[Integers]:
-    """Merge runs of one axis, and short ones with any, within reach, best first; return begin, end, axis."""
+def _merge(corners: _Corners, edges: Integers, reach: Floats) -> _Runs:
+    """Merge edges, (2, e), into runs whose corners are within reach, (a,) metres, of a line, best fit first.
+
+    Two runs become one if they have one axis, or one of them is no longer than reach. Each pass merges the
+    pair that fits best, and others that fit better than those they overlap. Runs become fewer, so this ends.
+    """
+    points, fixed, near = corners.points, corners.fixed, reach[corners.arc]
     begin, end = edges
     middle = (begin + end) // 2  # of corners that were cut off
-    middle = middle[(np.abs(points[end] - points[begin]) <= 2 * reach[begin]) & (middle > begin)]
+    middle = middle[(np.abs(points[end] - points[begin]) <= 2 * near[begin]) & (middle > begin)]
     begin, end = np.sort(np.append(begin, middle)), np.sort(np.append(end, middle))
     chord = points[end] - points[begin]
     axis = (np.abs(chord.real) < np.abs(chord.imag)).astype(np.int64)
-    axis[fixed[begin] & fixed[end] | (_fit(points, fixed, begin, end, axis)[2] > reach[begin])] = 2
+    axis[fixed[begin] & fixed[end] | (_fit(corners, begin, end, axis).away > near[begin])] = 2
     while True:
-        long = np.abs(points[end] - points[begin])
-        new = np.where(long[1:] > long[:-1], axis[1:], axis[:-1])
-        may = (np.minimum(long[1:], long[:-1]) <= reach[begin[1:]]) | (axis[1:] == axis[:-1]) & (new < 2)
+        length = np.abs(points[end] - points[begin])
+        new = np.where(length[1:] > length[:-1], axis[1:], axis[:-1])
+        short = np.minimum(length[1:], length[:-1]) <= near[begin[1:]]
+        may = short | (axis[1:] == axis[:-1]) & (new < 2)
         may &= (begin[1:] == end[:-1]) & ~(fixed[begin[:-1]] & fixed[end[1:]])  # of one arc, not all of it
-        one = np.flatnonzero(may)
-        away = _fit(points, fixed, begin[one], end[one + 1], new[one])[2]
-        one, away = (part[away <= reach[begin[one]]] for part in (one, away))
-        if not len(one):
-            return [begin, end, axis]
-        rank, best = np.argsort(np.argsort(away, kind="stable")), np.full(len(axis), len(one))
-        np.minimum.at(best, np.append(one, one + 1), np.tile(rank, 2))
-        one = one[(best[one] == rank) & (best[one + 1] == rank)]
-        end[one], axis[one] = end[one + 1], new[one]
-        begin, end, axis = (np.delete(part, one + 1) for part in (begin, end, axis))
+        pair = np.flatnonzero(may)  # the first run of each
+        away = _fit(corners, begin[pair], end[pair + 1], new[pair]).away
+        pair, away = (part[away <= near[begin[pair]]] for part in (pair, away))
+        if not len(pair):
+            return _fit(corners, begin, end, axis)
+        rank = np.argsort(np.argsort(away, kind="stable"))
+        best = np.full(len(axis), len(pair))
+        np.minimum.at(best, np.append(pair, pair + 1), np.tile(rank, 2))
+        pair = pair[(best[pair] == rank) & (best[pair + 1] == rank)]
+        end[pair] = end[pair + 1]
+        axis[pair] = new[pair]
+        begin, end, axis = (np.delete(part, pair + 1) for part in (begin, end, axis))
 
 
-def _drawn(
-    arcs: _Arcs, points: _Points, fixed: Bools, arc_of: Integers, edges: Integers, turns: _Points,
-    reach: Floats, step: Floats,
-) -> tuple[_Arcs, Bools]:  # fmt: skip
-    """Return the arcs as they are drawn within `reach`, (a,) metres, and which have a new line.
+def _intersect(corners: _Corners, runs: _Runs, reach: Floats) -> tuple[_Points, Bools]:
+    """Return the ends of the line of each run, (n, 2), and which runs, (n,), keep their corners instead.
 
-    Lines end where they meet, if that is in reach of the point between them, else at that point's feet. A run
-    whose line turns back or leaves its reach keeps its points.
+    Successive lines end where they meet, if that is within reach, (a,) metres, of the corner between them,
+    else at that corner's feet. A run whose line is bad keeps its corners. That changes the lines beside it,
+    so all are checked again; there are fewer lines each time, so this ends.
     """
-    begin, end, axis = _merged(points, fixed, edges, reach[arc_of])
-    (normal, offset, _), arc, count = _fit(points, fixed, begin, end, axis), arc_of[begin], end - begin + 1
-    new, tail, before = (
-        np.diff(arc, prepend=-1) > 0,
-        np.diff(arc, append=len(turns)) > 0,
-        np.arange(len(arc)) - 1,
-    )
-    before[new] = np.flatnonzero(tail)
-    kept = (reach[arc] == 0) | ~fixed[arcs.starts][arc] & (np.bincount(arc)[arc] < 3)
-    inside, run_of, here = _ranges(begin, count), np.repeat(np.arange(len(arc)), count), points[begin]
-    away = offset[before] - (here * normal[before].conj()).real
-    to = offset - (here * normal.conj()).real
-    sine = (normal[before].conj() * normal).imag
-    meet = 1j * (to * normal[before] - away * normal) / np.where(np.abs(sine) > 0.1, sine, 1e-300)
+    arc, here = corners.arc[runs.begin], corners.points[runs.begin]
+    before, near = previous(arc), reach[arc]
+    closed = np.bincount(arc, corners.fixed[runs.begin])[arc] == 0
+    kept = (near == 0) | closed & (np.bincount(arc)[arc] < 3)
+    normal, normal_before = runs.normal, runs.normal[before]
+    to = runs.offset - _along(here, normal)
+    to_before = runs.offset[before] - _along(here, normal_before)
+    sine = (normal_before.conj() * normal).imag
+    meet = 1j * (to * normal_before - to_before * normal) / np.where(np.abs(sine) > 0.1, sine, 1e-300)
     while True:
-        met = (np.abs(meet) <= reach[arc]) & ~kept & ~kept[before]
-        enter = np.where(fixed[begin], here, here + np.where(met, meet, to * normal))
+        met = (np.abs(meet) <= near) & ~kept & ~kept[before]
+        enter = np.where(corners.fixed[runs.begin], here, here + np.where(met, meet, to * normal))
         leave = np.empty_like(enter)
-        leave[before] = here + np.where(met, meet, away * normal[before])
-        leave = np.where(fixed[end], points[end], leave)
-        along = leave - enter
-        share = ((points[inside] - enter[run_of]) * along[run_of].conj()).real
-        share = np.clip(share / np.maximum(np.abs(along) ** 2, 1e-300)[run_of], 0, 1)
-        far = np.abs(points[inside] - enter[run_of] - share * along[run_of])
-        wrong = np.maximum.reduceat(far, np.cumsum(count) - count) > reach[arc]
-        wrong |= (along * (points[end] - here).conj()).real < 0
-        if not (wrong & ~kept).any():
-            break
+        leave[before] = here + np.where(met, meet, to_before * normal_before)
+        leave = np.where(corners.fixed[runs.end], corners.points[runs.end], leave)
+        wrong = _bad_lines(corners.points, runs, enter, leave, near) & ~kept
+        if not wrong.any():
+            return np.stack([enter, leave], axis=1), kept
         kept |= wrong
-    sizes = np.where(kept, count, 2)
-    made, at = points[_ranges(begin, sizes)], np.cumsum(sizes) - sizes
-    made[at[~kept]], made[at[~kept] + 1] = enter[~kept], leave[~kept]
-    closed = ~fixed[arcs.starts][arc]  # their first point is the last one, too
-    closing, of = (at + sizes)[tail & closed], arc.repeat(sizes)
-    made, of = np.insert(made, closing, made[at[new & closed]]), np.insert(of, closing, arc[tail & closed])
-    made *= turns[of]
-    corners = np.rint(np.stack([made.imag, made.real], axis=1) / step).astype(np.int64)
-    distinct = (np.diff(corners, axis=0, prepend=-1) != 0).any(axis=1) | (np.diff(of, prepend=-1) > 0)
-    counts = np.bincount(of[distinct])
-    regular = (np.bincount(arc, ~kept) > 0) & (counts > 1)
-    starts = np.where(regular, len(arcs.corners) + np.cumsum(counts) - counts, arcs.starts)
-    counts, corners = (
-        np.where(regular, counts, arcs.counts),
-        np.concatenate([arcs.corners, corners[distinct]]),
-    )
-    return replace(arcs, corners=corners, starts=starts, counts=counts), regular
 
 
-def _crossing(arcs: _Arcs, regular: Bools) -> Bools:
-    """Return the arcs, (a,), that meet others, or themselves, but at nodes; one of two has a new line."""
-    segments, wrong = arcs.counts - 1, np.zeros(len(regular), bool)
+def _bad_lines(points: _Points, runs: _Runs, enter: _Points, leave: _Points, near: Floats) -> Bools:
+    """Return the runs, (n,), whose line turns back or is further than `near`, (n,), from a corner."""
+    counts = runs.end - runs.begin + 1
+    run = np.repeat(np.arange(len(counts)), counts)
+    chord, to = leave - enter, points[ranges(runs.begin, counts)] - enter[run]
+    share = np.clip(_along(to, chord[run]) / np.maximum(np.abs(chord) ** 2, 1e-300)[run], 0, 1)
+    far = np.maximum.reduceat(np.abs(to - share * chord[run]), np.cumsum(counts) - counts)
+    return (far > near) | (_along(chord, points[runs.end] - points[runs.begin]) < 0)
+
+
+def _join(corners: _Corners, runs: _Runs, ends: _Points, kept: Bools) -> tuple[_Points, Integers]:
+    """Return the points, (m,), of arcs of which a line is drawn, one after the other, and the arc of each.
+
+    A run has the ends of its line, (n, 2), or all its corners where these are kept, (n,).
+    """
+    arc = corners.arc[runs.begin]
+    counts = np.where(kept, runs.end - runs.begin + 1, 2)
+    starts = np.cumsum(counts) - counts
+    path = corners.points[ranges(runs.begin, counts)]
+    path[starts[~kept, None] + [0, 1]] = ends[~kept]
+    closed = ~corners.fixed[runs.begin] & (np.diff(arc, prepend=-1) > 0)  # at the first run of an arc
+    after_last = (starts + counts)[previous(arc)[closed]]
+    path = np.insert(path, after_last, path[starts[closed]])
+    of = np.insert(arc.repeat(counts), after_last, arc[closed])
+    drawn = np.bincount(arc, ~kept)[of] > 0
+    return path[drawn], of[drawn]
+
+
+def _replace(drawn: Arcs, arcs: Arcs, changed: Bools, corners: Integers, arc: Integers) -> Arcs:
+    """Return drawn arcs with those that changed, (a,), replaced: corners, (m, 2), and the arc of each, (m,).
+
+    Equal successive corners become one. What has less than two then stays on the pixel edges, as in `arcs`.
+    """
+    distinct = (np.diff(corners, axis=0, prepend=-1) != 0).any(axis=1) | (np.diff(arc, prepend=-1) > 0)
+    counts = np.bincount(arc[distinct], minlength=len(changed))
+    new = len(drawn.corners) + np.cumsum(counts) - counts
+    corners = np.concatenate([drawn.corners, corners[distinct]])
+    starts = np.select([counts > 1, changed], [new, arcs.starts], drawn.starts)
+    counts = np.select([counts > 1, changed], [counts, arcs.counts], drawn.counts)
+    return replace(drawn, corners=corners, starts=starts, counts=counts)
+
+
+def _crossing(arcs: Arcs, changed: Bools) -> Bools:
+    """Return the arcs, (a,), that meet others, or themselves, but at nodes; one of two was changed, (a,)."""
+    segments = arcs.counts - 1
     side = np.clip(segments // 3, 1, _PIECE)
-    arc = np.repeat(np.arange(len(side)), -(-segments // side))
-    begin = _ranges(0, -(-segments // side)) * side[arc]
+    pieces = -(-segments // side)
+    arc = np.repeat(np.arange(len(side)), pieces)
+    begin = ranges(0, pieces) * side[arc]
     counts = np.minimum(side[arc], segments[arc] - begin) + 1
-    corners = arcs.corners[_ranges(arcs.starts[arc] + begin, counts)].astype(np.float64)
-    pieces = shapely.linestrings(corners, indices=np.repeat(np.arange(len(arc)), counts))
-    chosen = np.flatnonzero(regular[arc])
-    one, other = shapely.STRtree(pieces).query(pieces[chosen], predicate="intersects")
-    one, other = chosen[one[chosen[one] != other]], other[chosen[one] != other]
-    meet = ~shapely.relate_pattern(pieces[one], pieces[other], "FF*F*****")
-    wrong[arc[one[meet]]] = wrong[arc[other[meet]]] = True
-    wrong[arc[chosen[~shapely.is_simple(pieces[chosen])]]] = True
+    corners = arcs.corners[ranges(arcs.starts[arc] + begin, counts)].astype(np.float64)
+    lines = shapely.linestrings(corners, indices=np.repeat(np.arange(len(arc)), counts))
+    chosen = np.flatnonzero(changed[arc])
+    one, other = shapely.STRtree(lines).query(lines[chosen], predicate="intersects")
+    one = chosen[one]
+    one, other = one[one != other], other[one != other]
+    meet = ~shapely.relate_pattern(lines[one], lines[other], "FF*F*****")
+    wrong = np.zeros(len(changed), bool)
+    wrong[arc[np.append(one[meet], other[meet])]] = True
+    wrong[arc[chosen[~shapely.is_simple(lines[chosen])]]] = True
     return wrong
 
 
-def _linked(rings: Rings, arcs: _Arcs) -> Rings:
-    """Return the rings that the arcs make."""
-    counts = arcs.counts[arcs.used] - 1
-    begin = arcs.starts[arcs.used] + counts * arcs.turned
-    along = np.where(arcs.turned, -1, 1).repeat(counts) * _ranges(0, counts)
-    starts = np.append(0, np.cumsum(np.bincount(arcs.rings, counts).astype(np.int64)))
-    return replace(rings, vertices=arcs.corners[begin.repeat(counts) + along].astype(np.int32), starts=starts)
-
-
 def _invalid(before: Rings, rings: Rings) -> Integers:
-    """Return the regions that are not valid, hold a ring of others, or of which a ring was turned over."""
+    """Return the regions that are not valid, overlap others, or of which a ring was turned over."""
     polygons = np.asarray(LazyPolygons(rings, Affine.identity()))
     wrong = ~shapely.is_valid(polygons)
-    within = shapely.STRtree(shapely.points(rings.vertices[rings.starts[:-1], ::-1]))
-    wrong[within.query(polygons, predicate="contains")[0]] = True
+    first = shapely.points(rings.vertices[rings.starts[:-1], ::-1])
+    holder, held = shapely.STRtree(first).query(polygons, predicate="contains")
+    wrong[np.append(holder, rings.labels[held] - 1)] = True
     turned = np.sign(before.pixel_areas()) != np.sign(rings.pixel_areas())
     return np.union1d(np.flatnonzero(wrong) + 1, rings.labels[turned])
