@@ -15,6 +15,7 @@ Zhao, Z.; Saalfeld, A. (1997): Linear-time sleeve-fitting polyline simplificatio
 from dataclasses import replace
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
@@ -27,6 +28,7 @@ STEPS_PER_PIXEL = 256
 MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `MAX_SHIFT` of smooth_outlines
 SLEEVE_WIDTH = 8  # steps along a portal by which a segment may miss the arc's point
 _MAX_EDGES = 4096  # edges that one segment may replace
+_PIECE = 16  # segments of an arc that are compared with others at once
 _IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])
 
 
@@ -177,10 +179,11 @@ def _ends(vertices: Integers, keys: Integers, starts: Integers, nodes: Bools) ->
     """
     ring = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     doubled = np.minimum.reduceat(vertices, starts[:-1]) + np.maximum.reduceat(vertices, starts[:-1])
-    far = ((2 * vertices - doubled[ring]) ** 2).sum(axis=1)
-    farthest = np.lexsort((-keys, far, ring))[starts[1:] - 1]
+    free = np.flatnonzero(np.bincount(ring, nodes)[ring] == 0)
+    far = ((2 * vertices[free] - doubled[ring[free]]) ** 2).sum(axis=1)
+    free = free[np.lexsort((-keys[free], far, ring[free]))]
     ends = nodes.copy()
-    ends[farthest[np.bincount(ring, nodes) == 0]] = True
+    ends[free[np.diff(ring[free], append=-1) != 0]] = True
     return ends
 
 
@@ -191,6 +194,35 @@ def join_arcs(rings: Rings, arcs: Arcs) -> Rings:
     ahead = ranges(0, counts) * np.where(arcs.turned, -1, 1).repeat(counts)
     starts = np.append(0, np.cumsum(np.bincount(arcs.rings, counts).astype(np.int64)))
     return replace(rings, vertices=arcs.corners[begin.repeat(counts) + ahead].astype(np.int32), starts=starts)
+
+
+def find_crossing(arcs: Arcs, changed: Bools) -> Bools:
+    """Return the arcs, (a,), that meet others, or themselves, but at their ends.
+
+    Pairs are compared of which at least one was changed, (a,), and the others are near by their extents.
+    """
+    offsets = np.cumsum(arcs.counts) - arcs.counts
+    corners = arcs.corners[ranges(arcs.starts, arcs.counts)]
+    diagonal = [np.minimum.reduceat(corners, offsets), np.maximum.reduceat(corners, offsets)]
+    extents = shapely.linestrings(np.stack(diagonal, axis=1))
+    near = np.unique(shapely.STRtree(extents[changed]).query(extents)[0])
+    segments = arcs.counts[near] - 1
+    side = np.clip(segments // 3, 1, _PIECE)
+    pieces = -(-segments // side)
+    arc, side = np.repeat(near, pieces), np.repeat(side, pieces)
+    begin = ranges(0, pieces) * side
+    counts = np.minimum(side, arcs.counts[arc] - 1 - begin) + 1
+    corners = arcs.corners[ranges(arcs.starts[arc] + begin, counts)].astype(np.float64)
+    lines = shapely.linestrings(corners, indices=np.repeat(np.arange(len(arc)), counts))
+    chosen = np.flatnonzero(changed[arc])
+    one, other = shapely.STRtree(lines).query(lines[chosen], predicate="intersects")
+    one = chosen[one]
+    one, other = one[one != other], other[one != other]
+    meet = ~shapely.relate_pattern(lines[one], lines[other], "FF*F*****")
+    crossing = np.zeros(len(changed), bool)
+    crossing[arc[np.append(one[meet], other[meet])]] = True
+    crossing[arc[chosen[~shapely.is_simple(lines[chosen])]]] = True
+    return crossing
 
 
 def ranges(begin: Integers | int, counts: Integers) -> Integers:

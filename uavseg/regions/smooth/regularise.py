@@ -20,7 +20,15 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.ground import ground_resolution
 from uavseg.regions.outline.rings import Rings
 from uavseg.regions.shapes import LazyPolygons
-from uavseg.regions.smooth.arcs import STEPS_PER_PIXEL, Arcs, join_arcs, previous, ranges, split_arcs
+from uavseg.regions.smooth.arcs import (
+    STEPS_PER_PIXEL,
+    Arcs,
+    find_crossing,
+    join_arcs,
+    previous,
+    ranges,
+    split_arcs,
+)
 from uavseg.regions.smooth.smooth_outlines import finer_grid
 
 _Points = NDArray[np.complex128]  # x + 1j y
@@ -29,7 +37,6 @@ _STRAIGHT = 4.0  # pixels: shorter edges may be stairs, and are no sign of a dir
 _NEAR, _SAME = np.cos(4 * np.radians([12, 5]))  # within which edges follow it; adjacent regions share it
 _REGULAR = 0.65  # of the length of a region's simplified outline that follows its direction, at least
 _LEAST = 0.5  # pixels: the smallest distance that is tried
-_PIECE = 16  # segments that are compared with others at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,10 +105,10 @@ def regularise_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Ri
         new = np.rint(np.stack([path.imag, path.real], axis=1) / step).astype(np.int64)
         drawn = _replace(drawn, arcs, changed, new, of)
         regular = drawn.starts != arcs.starts
-        changed = regular & _crossing(drawn, changed)
+        changed = regular & find_crossing(drawn, changed)
         if not changed.any():
             made = join_arcs(rings, drawn)
-            changed = regular & np.isin(arcs.sides, _invalid(rings, made)).any(axis=1)
+            changed = regular & np.isin(arcs.sides, _invalid(rings, made, arcs.sides[regular])).any(axis=1)
         reach[changed] /= 2
         reach[reach < _LEAST * pixel] = 0
     return made, fine, len(np.setdiff1d(rings.labels, arcs.sides[regular]))
@@ -268,31 +275,12 @@ def _replace(drawn: Arcs, arcs: Arcs, changed: Bools, corners: Integers, arc: In
     return replace(drawn, corners=corners, starts=starts, counts=counts)
 
 
-def _crossing(arcs: Arcs, changed: Bools) -> Bools:
-    """Return the arcs, (a,), that meet others, or themselves, but at nodes; one of two was changed, (a,)."""
-    segments = arcs.counts - 1
-    side = np.clip(segments // 3, 1, _PIECE)
-    pieces = -(-segments // side)
-    arc = np.repeat(np.arange(len(side)), pieces)
-    begin = ranges(0, pieces) * side[arc]
-    counts = np.minimum(side[arc], segments[arc] - begin) + 1
-    corners = arcs.corners[ranges(arcs.starts[arc] + begin, counts)].astype(np.float64)
-    lines = shapely.linestrings(corners, indices=np.repeat(np.arange(len(arc)), counts))
-    chosen = np.flatnonzero(changed[arc])
-    one, other = shapely.STRtree(lines).query(lines[chosen], predicate="intersects")
-    one = chosen[one]
-    one, other = one[one != other], other[one != other]
-    meet = ~shapely.relate_pattern(lines[one], lines[other], "FF*F*****")
-    wrong = np.zeros(len(changed), bool)
-    wrong[arc[np.append(one[meet], other[meet])]] = True
-    wrong[arc[chosen[~shapely.is_simple(lines[chosen])]]] = True
-    return wrong
-
-
-def _invalid(before: Rings, rings: Rings) -> Integers:
-    """Return the regions that are not valid, overlap others, or of which a ring was turned over."""
+def _invalid(before: Rings, rings: Rings, regions: Integers) -> Integers:
+    """Return the regions that overlap, of which a ring turned over, or that are invalid, of those given."""
     polygons = np.asarray(LazyPolygons(rings, Affine.identity()))
-    wrong = ~shapely.is_valid(polygons)
+    changed = np.isin(np.arange(len(polygons)) + 1, regions)
+    wrong = changed.copy()
+    wrong[changed] = ~shapely.is_valid(polygons[changed])
     first = shapely.points(rings.vertices[rings.starts[:-1], ::-1])
     holder, held = shapely.STRtree(first).query(polygons, predicate="contains")
     wrong[np.append(holder, rings.labels[held] - 1)] = True
