@@ -218,9 +218,8 @@ def test_regular_outlines_have_right_angles_and_the_same_columns() -> None:
         found[len(how)], said[len(how)] = geopandas.read_file("r.gpkg"), result.stderr
     assert found[0].drop(columns="geometry").equals(found[2].drop(columns="geometry"))
     assert found[2].equals(found[6])
-    assert len(found[2].geometry[0].exterior.coords) == 7 and found[2].geometry[1].equals(
-        found[0].geometry[1]
-    )
+    assert len(found[2].geometry[0].exterior.coords) == 7
+    assert found[2].geometry[1].equals(found[0].geometry[1])
     assert "irregular   1 of 2 stay on pixel edges" in said[2] and "irregular" not in said[0]
 
 

@@ -119,7 +119,7 @@ _MAX_METRES = 1e8  # more than twice around the Earth
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How outlines, not attributes, are drawn; ParameterError if negative, not finite or both of two ways."""
+    """How outlines, not attributes, are drawn; ParameterError if negative, not finite, or in two ways."""
 
     smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
     simplify_m: float | None = None  # tolerance, see `simplify`

@@ -173,9 +173,9 @@ def split_arcs(rings: Rings, shape: tuple[int, int]) -> tuple[Arcs, Bools]:
 
 
 def _ends(vertices: Integers, keys: Integers, starts: Integers, nodes: Bools) -> Bools:
-    """Return the vertices, (v,), where arcs end: nodes, and in a ring without any one corner.
+    """Return which vertices, (v,), end arcs: nodes, or in a ring without any the farthest from its middle.
 
-    It is the farthest from the middle of the ring, which is a corner of a rectangle.
+    That one is a corner of a rectangle.
     """
     ring = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
     doubled = np.minimum.reduceat(vertices, starts[:-1]) + np.maximum.reduceat(vertices, starts[:-1])
@@ -188,7 +188,7 @@ def _ends(vertices: Integers, keys: Integers, starts: Integers, nodes: Bools) ->
 
 
 def join_arcs(rings: Rings, arcs: Arcs) -> Rings:
-    """Return the rings with the corners of their arcs, which are in steps."""
+    """Join arcs again: return the rings that were split, with the corners of their arcs, in steps."""
     counts = arcs.counts[arcs.used] - 1
     begin = arcs.starts[arcs.used] + counts * arcs.turned
     ahead = ranges(0, counts) * np.where(arcs.turned, -1, 1).repeat(counts)
@@ -197,9 +197,10 @@ def join_arcs(rings: Rings, arcs: Arcs) -> Rings:
 
 
 def find_crossing(arcs: Arcs, changed: Bools) -> Bools:
-    """Return the arcs, (a,), that meet others, or themselves, but at their ends.
+    """Return which arcs, (a,), meet others or themselves, except at their ends.
 
-    Pairs are compared of which at least one was changed, (a,), and the others are near by their extents.
+    Those that were changed, (a,), are compared with each other and with all whose extent overlaps theirs; in
+    pieces, of which fewer overlap.
     """
     offsets = np.cumsum(arcs.counts) - arcs.counts
     corners = arcs.corners[ranges(arcs.starts, arcs.counts)]

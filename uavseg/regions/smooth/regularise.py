@@ -1,10 +1,13 @@
 """Regularised outlines: right angles and common directions, with shared borders kept, within a distance.
 
-Arcs, between nodes where regions meet, are simplified (Douglas and Peucker). The main direction of a region
-is the mean of the directions of its edges modulo right angles, weighted by squared length; edges far from it
-are left out, and a region where few are left has none. Successive edges of an arc are merged, best fit first,
-while their corners are within the distance of one line along the direction or its normal, at their mean
-offset (least squares). Then the lines are intersected.
+An arc, which ends at nodes where regions meet, stays within the distance of the pixel edges, and these of it.
+Nodes stay where they are, and arcs meet nowhere else.
+
+Arcs are simplified (Douglas and Peucker). The main direction of a region is the mean of the directions of its
+edges modulo right angles, weighted by squared length; edges far from it are left out, and a region where few
+are left has none. Successive edges of an arc are merged, best fit first, while their corners are within the
+distance of one line along the direction or its normal, at their mean offset (least squares). These lines are
+intersected. An arc that breaks the law above is drawn again within half of the distance.
 """
 
 from dataclasses import replace
