@@ -238,6 +238,7 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0.2, 0.6), "refine": "scan", "min_area": "64px", "tile": 64, "threads": 2}),
     ("tile.tif", {"range": (0.2, 0.6), "refine": "none", "fill_holes": 900.0, "method": "paper"}),
     ("tile.tif", {"range": (0.5, 1), "smooth_outline": 1.0, "simplify": 3.0, "refine": "smooth"}),
+    ("tile.tif", {"range": (0.5, 1), "regularize": 3.0, "tile": 64}),
     ("tile.tif", {"range": (0.5, 1), "refine": "pixels", "min_area": "20px"}),
     ("tile.tif", {"range": (0.5, 1), "stats": "bands", "simplify": 3.0, "tile": 64}),
     (["west.tif", "east.tif"], {"range": (0.2, 0.6), "stats": "bands", "threads": 2}),
@@ -304,6 +305,7 @@ EXTRACT: list[tuple[Any, Words]] = [
     ("tile.tif", {"range": (0, 1), "stretch": "wide"}),
     ("tile.tif", {"range": (0, 1), "min_area": "much"}),
     ("tile.tif", {"range": (0, 1), "simplify": -1.0}),
+    ("tile.tif", {"range": (0, 1), "smooth_outline": 1.0, "regularize": 1.0}),
     ("tile.tif", {"range": (0, 1), "band": 3}),
     ("bands.tif", {"range": (0.5, 1), "index": "ndvi"}),
     (
@@ -335,6 +337,7 @@ LEVELS: list[tuple[Any, Words]] = [
     ("ros.yaml", {"width": 0.5, "flatten": "40px"}),
     ("tile.tif", {"width": 0.2, "min_confidence": 0.4, "tile": 64}),
     ("tile.tif", {"width": 0.3, "smooth_outline": 0.5, "simplify": 2.0, "method": "paper"}),
+    ("tile.tif", {"width": 0.3, "regularize": 3.0, "simplify": 2.0, "threads": 2}),
     ("deep.tif", {"width": 0.5, "stretch": "0,50000"}),
     ("deep.tif", {"width": 0.5, "stretch": "0,50000", "stats": "bands"}),
     ("ros.yaml", {"width": 0.5, "stats": "bands"}),

@@ -207,6 +207,22 @@ def test_outlines_are_drawn_without_stairs_around_the_same_pixels() -> None:
     assert simple.get_coordinates().shape[0] < smooth.get_coordinates().shape[0] / 2
 
 
+def test_regular_outlines_have_right_angles_and_the_same_columns() -> None:
+    row, col = np.indices((150, 190)) - np.array([[[75]], [[95]]])
+    u, v = 0.8 * col + 0.6 * row, 0.8 * row - 0.6 * col
+    roof = (abs(u) < 60) & (abs(v) < 30) & ((u > 0) | (v > 0))
+    write(Path("roof.tif"), np.where(roof | (np.hypot(col - 60, row + 50) < 15), 200, 30).astype(np.uint8))
+    found, said = {}, {}
+    for how in ((), ("--regularize", 3), ("--regularize", 3, "--tile", 64, "--threads", 2)):
+        result = extracted("roof.tif", *RANGE, "-o", "r.gpkg", *how, "--refine", "pixels", "--overwrite")
+        found[len(how)], said[len(how)] = geopandas.read_file("r.gpkg"), result.stderr
+    assert found[0].drop(columns="geometry").equals(found[2].drop(columns="geometry"))
+    assert found[2].equals(found[6])
+    assert len(found[2].geometry[0].exterior.coords) == 7
+    assert found[2].geometry[1].equals(found[0].geometry[1])
+    assert "irregular   1 of 2 stay on pixel edges" in said[2] and "irregular" not in said[0]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("method, refine", [("paper", "scan"), ("adaptive", "tv")])
 def test_what_is_not_said_of_refinement_follows_the_method(method: str, refine: str) -> None:
@@ -402,6 +418,14 @@ REFUSALS: dict[str, tuple[str, str]] = {
     "square metres of holes": (
         "local.tif --range 0.5,1 --fill-holes 5",
         "give the area in pixels, such as 5px",
+    ),
+    "regular": (
+        "tile.tif --range 0.5,1 --regularize -1",
+        "regularized by metres that are not negative, not -1",
+    ),
+    "smooth and regular": (
+        "tile.tif --range 0.5,1 --regularize 1 --smooth-outline 1",
+        "smoothed or regularized, not both; leave one of the two out",
     ),
     "smooth": ("tile.tif --range 0.5,1 --smooth-outline nan", "metres that are not negative, not nan"),
     "simplify": ("tile.tif --range 0.5,1 --simplify -2", "metres that are not negative, not -2"),

@@ -195,6 +195,19 @@ def test_smooth_borders_stay_shared_and_may_be_simplified_then() -> None:
     assert kept("b.fgb")["perimeter_m"].tolist() == segments["perimeter_m"].tolist()
 
 
+def test_regular_segments_share_borders_and_are_the_same_bytes_for_all_tiles() -> None:
+    write("a.tif", scene(6, (200, 150)))
+    how = ("--width", 0.2, "-o", "a.fgb", "--regularize", 6, "-q", "--overwrite")
+    done("a.tif", *how, "--tile", 64, "--threads", 1)
+    wanted, segments = Path("a.fgb").read_bytes(), geopandas.read_file("a.fgb")
+    assert segments.is_valid.all() and shapely.coverage_is_valid(segments.geometry.to_numpy())
+    assert segments.geometry.union_all().area == pytest.approx(segments.area.sum())
+    done("a.tif", *how, "--tile", 4096, "--threads", 2)
+    assert Path("a.fgb").read_bytes() == wanted
+    done("a.tif", "--width", 0.2, "-o", "b.fgb", "-q")
+    assert not geopandas.read_file("b.fgb").geometry.equals(segments.geometry)
+
+
 def test_a_run_goes_on_where_it_stopped() -> None:
     write("a.tif", scene(7, (200, 150)))
     how = ("a.tif", "--width", 0.1, "-o", "a.fgb", "--tile", 64, "--resume", "kept")

@@ -29,6 +29,8 @@ LINES = (
     "extract {} --percentile 80,100 -o r.gpkg --labels l.tif",
     "extract {} --class low=0,0.4 --class high=0.4,1 -o r.gpkg --labels l.tif",
     "extract {} --range 0.4,1 -o r.gpkg --smooth-outline 0.3 --simplify 0.3",
+    "extract {} --range 0.4,1 -o r.gpkg --regularize 3",
+    "levels {} --width 0.2 -o r.gpkg --regularize 3",
     "extract {} --range 0.4,1 -o r.gpkg --thin-lines",
     "extract {} --range 0.4,1 -o r.gpkg --detail 5px",
     "extract {} --range 0.4,1 -o r.gpkg --flatten 60px",

@@ -30,6 +30,8 @@ LINES = tuple(
         "preview rgb.tif -o out.png --width 300 --bounds 500020,4499900,500090,4499980",
         f"extract x.tif --range 0.5,1 -o out.geojson --detail 4px --min-confidence 0.5 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --regularize 3 --simplify 1 {RUN}",
+        f"levels x.tif --width 0.3 -o out.geojson --regularize 2 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
         f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
         f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",

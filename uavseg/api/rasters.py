@@ -46,6 +46,7 @@ def extract(
     fill_holes: float | str | None = None,
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
+    regularize: float | None = None,
     simplify: float | None = None,
     stats: str | None = None,
     tile: int | None = None,
@@ -109,8 +110,10 @@ def extract(
         0 to 1: regions of a lower confidence are dropped at last.
     smooth_outline : float, optional
         Metres that outlines without stairs may leave the pixel edges, at most half a pixel.
+    regularize : float, optional
+        Metres, two pixels or more, that outlines with right angles may leave the pixel edges; others stay.
     simplify : float, optional
-        Metres; smoothed outlines are simplified. Columns stay those of the pixels.
+        Metres; outlines as they are drawn are simplified. Columns stay those of the pixels.
     stats : {"bands"}, optional
         Adds mean_<band>, std_<band>, min_<band> and max_<band> of each band but alpha, in its own values; a
         pixel counts by the part of it in the region as drawn. Needs ``pip install "uavseg[stats]"``.
@@ -185,6 +188,7 @@ def levels(
     small: Small = "merge",
     min_confidence: float | None = None,
     smooth_outline: float | None = None,
+    regularize: float | None = None,
     simplify: float | None = None,
     stats: str | None = None,
     tile: int | None = None,

@@ -163,11 +163,14 @@ def shown(target: str) -> str:
 
 def summary_rows(found: Extraction) -> dict[str, str]:
     """Return total area, largest region, stretch and band, for the table at the end."""
+    count, kept = len(found.regions), found.irregular
+    irregular = {} if kept is None else {"irregular": f"{kept:,} of {count:,} stay on pixel edges"}
     return {
         **_range_row(found),
         "total area": f"{found.regions.columns['area_m2'].sum():,.1f} {found.area_unit}",
         "largest": largest(found),
         **confidence_row(found),
+        **irregular,
         "stretch": found.stretch.name,
         "band": found.band_names,
     }

@@ -313,6 +313,7 @@ def check_local(request: object) -> ExtractRequest:
     refused = {
         "filled holes": request.fill_holes is not None,
         "smooth outlines": bool(request.drawing.smooth_m),
+        "regularized outlines": bool(request.drawing.regularize_m),
         "simplified outlines": bool(request.drawing.simplify_m),
         "the refinement none": request.segment.refine == "none",
     }

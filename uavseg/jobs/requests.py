@@ -69,7 +69,7 @@ def _sizes(options: ExtractOptions | LevelsOptions | MatchOptions) -> dict[str, 
     """Return how regions are drawn, and which are left out: what the requests have in common."""
     sizes, drawing = options.sizes, options.drawing
     return {
-        "drawing": Drawing(drawing.smooth_outline, drawing.simplify, drawing.stats),
+        "drawing": Drawing(drawing.smooth_outline, drawing.simplify, drawing.stats, drawing.regularize),
         "fill_holes": as_area(sizes.fill_holes),
         "min_area": as_area(sizes.min_area),
         "detail": as_length(sizes.detail),

@@ -109,8 +109,14 @@ class DrawingOptions(Options):
         metavar="METRES",
         label="Smooth outlines within",
     )
+    regularize: float | None = option(
+        "Draw outlines with right angles and common directions, as of roofs and fields, within this many "
+        "metres of the pixel edges, two pixels or more; others stay as they are. Not with --smooth-outline.",
+        metavar="METRES",
+        label="Right angles within",
+    )
     simplify: float | None = option(
-        "Simplify outlines, after they are smoothed; shared borders stay shared.",
+        "Simplify outlines, after they are smoothed or regularized; shared borders stay shared.",
         metavar="METRES",
         label="Simplify outlines within",
     )
@@ -367,7 +373,9 @@ class MatchOptions(TiledJobOptions):
     )
     sizes: SizeOptions = group(SizeOptions, min_area={"help": "Drop regions of less."})
     drawing: DrawingOptions = group(
-        DrawingOptions, "smooth_outline", "stats", simplify={"help": "Simplify; shared borders stay shared."}
+        DrawingOptions,
+        *("smooth_outline", "regularize", "stats"),
+        simplify={"help": "Simplify; shared borders stay shared."},
     )
     each: EachOptions = group(EachOptions)
 

@@ -58,7 +58,7 @@ def regions_of(labels: NDArray[np.uint32], crs: Any, transform: Affine, drawing:
     box = GeoBox(labels.shape, transform, CRS.from_user_input(crs))
     rings, counts = trace(labels), np.bincount(labels.reshape(-1))[1:]
     sums = Sums(counts, counts, counts, np.empty((0, 2), np.int64))
-    return drawing.drawn(make_regions(rings, sums, box, (0, 1), "picture.tif"), rings, box)
+    return drawing.drawn(make_regions(rings, sums, box, (0, 1), "picture.tif"), rings, box)[0]
 
 
 @pytest.mark.parametrize("extension", FORMATS)

@@ -100,9 +100,10 @@ class Extraction(SourceInfo):
     """Regions, and what is needed to describe them and to rasterise them."""
 
     regions: Regions = field(kw_only=True)
-    rings: Rings = field(kw_only=True)  # on pixel edges, neither smoothed nor simplified
+    rings: Rings = field(kw_only=True)  # on pixel edges, neither smoothed nor simplified nor regularized
     detected: DetectedRange | None = None  # the range that was asked for, if it is one
     below_minimum: int | None = None  # regions that were left out because of their confidence
+    irregular: int | None = None  # regions on pixel edges where outlines were regularized
     nothing: str = ""  # why no region of the range was found; empty where some were
 
     @property
@@ -118,31 +119,41 @@ _MAX_METRES = 1e8  # more than twice around the Earth
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """How outlines, not attributes, are smoothed and simplified; ParameterError if negative or not finite."""
+    """How outlines, not attributes, are drawn; ParameterError if negative, not finite, or in two ways."""
 
     smooth_m: float | None = None  # from the pixel edges at most, and half a pixel at most; comes first
     simplify_m: float | None = None  # tolerance, see `simplify`
     stats: str | None = None  # "bands": with the statistics of bands in outlines as drawn
+    regularize_m: float | None = None  # from the pixel edges at most; in place of smoothing
 
     def __post_init__(self) -> None:
         if self.stats not in (None, "bands"):
             raise ParameterError(f'stats are "bands" or None, not {self.stats!r}')
-        for metres, what in ((self.smooth_m, "smoothed"), (self.simplify_m, "simplified")):
+        by = {"smoothed": self.smooth_m, "regularized": self.regularize_m, "simplified": self.simplify_m}
+        for what, metres in by.items():
             if metres is not None and not 0 <= metres < float("inf"):
                 raise ParameterError(f"outlines are {what} by metres that are not negative, not {metres:g}")
             if metres is not None and metres > _MAX_METRES:
                 raise ParameterError(f"outlines are {what} by {_MAX_METRES:g} m at most, not {metres:g}")
+        if self.smooth_m and self.regularize_m:
+            raise ParameterError("outlines are smoothed or regularized, not both; leave one of the two out")
 
-    def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> Regions:
-        """Return the regions with their outlines, the rings on pixel edges, smoothed and simplified."""
+    def drawn(self, regions: Regions, rings: Rings, geobox: GeoBox) -> tuple[Regions, int | None]:
+        """Return regions with their rings, on pixel edges, as drawn; and how many were not regularized."""
+        irregular = None
         if self.smooth_m:
             from uavseg.regions.smooth.smooth_outlines import smooth_outlines
 
             rings, geobox = smooth_outlines(rings, self.smooth_m, geobox)
+        elif self.regularize_m:
+            from uavseg.regions.smooth.regularise import regularise_outlines
+
+            rings, geobox, irregular = regularise_outlines(rings, self.regularize_m, geobox)
+        if self.smooth_m or self.regularize_m:
             regions = replace(regions, polygons=LazyPolygons(rings, geobox.transform))
         if self.simplify_m:
             regions = simplify(regions, self.simplify_m, geobox)
-        return regions
+        return regions, irregular
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,8 +194,8 @@ def measured(
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
-    regions = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
-    about = {one.name: getattr(info, one.name) for one in fields(info)}
+    regions, irregular = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
+    about = {one.name: getattr(info, one.name) for one in fields(info)} | {"irregular": irregular}
     return Extraction(**about, regions=regions, rings=rings, detected=detected, below_minimum=below_minimum)
 
 
@@ -263,6 +274,7 @@ def with_metadata(found: Extraction, source: Source, job: str, how: Mapping[str,
     stretch, made = found.stretch, {"software": f"uavseg {__version__}", "job": job}
     facts = {**made, "sources": _names(source), "band": found.band_names, **_reading(source)}
     facts |= {"stretch": stretch.name, "stretch_low": stretch.low, "stretch_high": stretch.high, **how}
+    facts |= {"not_regularized": found.irregular}
     known = {name: _plain(value) for name, value in facts.items() if value is not None}
     return replace(found, regions=replace(found.regions, metadata=known))
 
@@ -312,6 +324,7 @@ def drawing_facts(request: RegionRequest, fill_holes: Area | None = None) -> dic
         "fill_holes": _area(fill_holes),
         "min_area": _area(request.min_area),
         "smooth_outline_m": request.drawing.smooth_m,
+        "regularize_m": request.drawing.regularize_m,
         "simplify_m": request.drawing.simplify_m,
         "stats": request.drawing.stats,
         "min_confidence": request.min_confidence,

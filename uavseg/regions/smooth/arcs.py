@@ -1,4 +1,4 @@
-"""Topology of boundaries: nodes, where more than two arcs meet, and arcs between them, fitted by sleeves.
+"""Topology of boundaries: nodes, where more than two arcs meet, and arcs between them; sleeve fitting.
 
 An arc that two rings share has one orientation for both.
 
@@ -12,11 +12,14 @@ Zhao, Z.; Saalfeld, A. (1997): Linear-time sleeve-fitting polyline simplificatio
 214-223.
 """
 
+from dataclasses import replace
+
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from uavseg._jit import inlined, kernel
-from uavseg.arrays import Integers
+from uavseg.arrays import Bools, Integers
 from uavseg.dataclass import dataclass
 from uavseg.regions.outline.rings import Rings
 
@@ -25,6 +28,7 @@ STEPS_PER_PIXEL = 256
 MAX_OFFSET = 112  # steps from the middle of a portal to its ends: `MAX_SHIFT` of smooth_outlines
 SLEEVE_WIDTH = 8  # steps along a portal by which a segment may miss the arc's point
 _MAX_EDGES = 4096  # edges that one segment may replace
+_PIECE = 16  # segments of an arc that are compared with others at once
 _IS_NODE = np.array([bits & _PASSED > 0 or bits.bit_count() > 2 for bits in range(2 * _PASSED)])
 
 
@@ -34,6 +38,19 @@ class Nodes:
 
     by_row: Integers
     by_col: Integers
+
+
+@dataclass(frozen=True, slots=True)
+class Arcs:
+    """Arcs of rings, each once, and where rings use them; those of a ring follow each other."""
+
+    corners: Integers  # (v, 2): row and column in steps, in the orientation of the arc, with both ends
+    starts: Integers  # (a,): offset of each arc in `corners`
+    counts: Integers  # (a,): its corners
+    sides: Integers  # (a, 2): the regions that it separates, 0 for none
+    used: Integers  # (u,): the arc of each use
+    rings: Integers  # (u,): its ring
+    turned: Bools  # (u,): whether the ring runs against the arc
 
 
 def find_nodes(rings: Rings, shape: tuple[int, int]) -> Nodes:
@@ -115,6 +132,123 @@ def lower_bound(keys, key):  # type: ignore[no-untyped-def]
         else:
             high = middle
     return low
+
+
+def split_arcs(rings: Rings, shape: tuple[int, int]) -> tuple[Arcs, Bools]:
+    """Split rings into arcs between nodes; also return which of the arcs' corners, (v,), are nodes.
+
+    Nodes are those of `find_nodes` and the vertices on the border of the raster, whose shape is given. An arc
+    begins at its end of the smaller key; a closed one goes on to its neighbour of the smaller key.
+    """
+    vertices = rings.vertices.astype(np.int64)
+    keys = vertices[:, 0] * (shape[1] + 1) + vertices[:, 1]
+    nodes = (vertices % shape == 0).any(axis=1) | np.isin(keys, find_nodes(rings, shape).by_row)
+    begin = np.flatnonzero(_ends(vertices, keys, rings.starts, nodes))
+    ring = np.searchsorted(rings.starts, begin, side="right") - 1
+    end = np.empty_like(begin)
+    end[previous(ring)] = begin
+    first, total = rings.starts[ring], np.diff(rings.starts)[ring]
+    second = first + (begin - first + 1) % total
+    last = first + (end - first - 1) % total
+    turned = np.where(begin == end, keys[second] > keys[last], keys[begin] > keys[end])
+    origin = np.where(turned, end, begin)
+    edge = keys[origin] + 1j * keys[np.where(turned, last, second)]
+    _, one, used = np.unique(edge, return_index=True, return_inverse=True)
+    label = rings.labels[ring]
+    sides = np.stack([label[one], np.bincount(used, label).astype(np.int64) - label[one]], axis=1)
+    counts = ((end - begin - 1) % total + 2)[one]
+    ahead = ranges(0, counts) * np.where(turned, -1, 1)[one].repeat(counts)
+    first, total, origin = (part[one].repeat(counts) for part in (first, total, origin))
+    index = first + (origin - first + ahead) % total
+    arcs = Arcs(
+        corners=vertices[index] * STEPS_PER_PIXEL,
+        starts=np.cumsum(counts) - counts,
+        counts=counts,
+        sides=sides,
+        used=used,
+        rings=ring,
+        turned=turned,
+    )
+    return arcs, nodes[index]
+
+
+def _ends(vertices: Integers, keys: Integers, starts: Integers, nodes: Bools) -> Bools:
+    """Return which vertices, (v,), end arcs: nodes, or in a ring without any the farthest from its middle.
+
+    That one is a corner of a rectangle.
+    """
+    ring = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+    doubled = np.minimum.reduceat(vertices, starts[:-1]) + np.maximum.reduceat(vertices, starts[:-1])
+    free = np.flatnonzero(np.bincount(ring, nodes)[ring] == 0)
+    far = ((2 * vertices[free] - doubled[ring[free]]) ** 2).sum(axis=1)
+    free = free[np.lexsort((-keys[free], far, ring[free]))]
+    ends = nodes.copy()
+    ends[free[np.diff(ring[free], append=-1) != 0]] = True
+    return ends
+
+
+def join_arcs(rings: Rings, arcs: Arcs) -> Rings:
+    """Join arcs again: return the rings that were split, with the corners of their arcs, in steps."""
+    counts = arcs.counts[arcs.used] - 1
+    begin = arcs.starts[arcs.used] + counts * arcs.turned
+    ahead = ranges(0, counts) * np.where(arcs.turned, -1, 1).repeat(counts)
+    starts = np.append(0, np.cumsum(np.bincount(arcs.rings, counts).astype(np.int64)))
+    return replace(rings, vertices=arcs.corners[begin.repeat(counts) + ahead].astype(np.int32), starts=starts)
+
+
+def find_crossing(arcs: Arcs, changed: Bools) -> Bools:
+    """Return which arcs, (a,), meet others or themselves, except at their ends.
+
+    Those that were changed, (a,), are compared with each other and with all whose extent overlaps theirs; in
+    pieces, of which fewer overlap.
+    """
+    offsets = np.cumsum(arcs.counts) - arcs.counts
+    corners = arcs.corners[ranges(arcs.starts, arcs.counts)]
+    diagonal = [np.minimum.reduceat(corners, offsets), np.maximum.reduceat(corners, offsets)]
+    extents = shapely.linestrings(np.stack(diagonal, axis=1))
+    near = np.unique(shapely.STRtree(extents[changed]).query(extents)[0])
+    segments = arcs.counts[near] - 1
+    side = np.clip(segments // 3, 1, _PIECE)
+    pieces = -(-segments // side)
+    arc, side = np.repeat(near, pieces), np.repeat(side, pieces)
+    begin = ranges(0, pieces) * side
+    counts = np.minimum(side, arcs.counts[arc] - 1 - begin) + 1
+    corners = arcs.corners[ranges(arcs.starts[arc] + begin, counts)].astype(np.float64)
+    lines = shapely.linestrings(corners, indices=np.repeat(np.arange(len(arc)), counts))
+    chosen = np.flatnonzero(changed[arc])
+    one, other = shapely.STRtree(lines).query(lines[chosen], predicate="intersects")
+    one = chosen[one]
+    one, other = one[one != other], other[one != other]
+    meet = ~shapely.relate_pattern(lines[one], lines[other], "FF*F*****")
+    crossing = np.zeros(len(changed), bool)
+    crossing[arc[np.append(one[meet], other[meet])]] = True
+    crossing[arc[chosen[~shapely.is_simple(lines[chosen])]]] = True
+    return crossing
+
+
+def ranges(begin: Integers | int, counts: Integers) -> Integers:
+    """Return the indices from each beginning on, one range after the other.
+
+    Examples
+    --------
+    >>> ranges(np.array([5, 0]), np.array([2, 3])).tolist()
+    [5, 6, 0, 1, 2]
+    """
+    return np.repeat(begin - np.cumsum(counts) + counts, counts) + np.arange(int(counts.sum()))
+
+
+def previous(group: Integers) -> Integers:
+    """Return the item before each, (n,), in its group of successive items; the last one before the first.
+
+    Examples
+    --------
+    >>> previous(np.array([0, 0, 0, 4])).tolist()
+    [2, 0, 1, 3]
+    """
+    first = np.diff(group, prepend=-1) > 0
+    before = np.arange(len(group)) - 1
+    before[first] = np.flatnonzero(np.roll(first, -1))
+    return before
 
 
 @inlined

@@ -147,21 +147,21 @@ def smooth_outlines(rings: Rings, metres: float, geobox: GeoBox) -> tuple[Rings,
     """
     if not 0 <= metres < np.inf:
         raise ParameterError(f"expected outlines to be smoothed by 0 or more metres, got {metres:g}")
-    if max(geobox.shape) > _MAX_SIDE:
-        raise ParameterError(
-            f"outlines of a raster of more than {_MAX_SIDE:,} rows or columns cannot be smoothed; "
-            "leave --smooth-outline out"
-        )
-    rows, cols = geobox.shape
-    fine = replace(
-        geobox,
-        shape=(STEPS_PER_PIXEL * rows, STEPS_PER_PIXEL * cols),
-        transform=scaled(geobox.transform, 1 / STEPS_PER_PIXEL, 1 / STEPS_PER_PIXEL),
-    )
+    fine = finer_grid(geobox, "--smooth-outline")
     share = min(metres / (max(ground_resolution(geobox)) / 2), 1.0)
     if share == 0 or not len(rings.labels):
         return replace(rings, vertices=rings.vertices * np.int32(STEPS_PER_PIXEL)), fine
     return _smooth_preserving_areas(rings, geobox.shape, share), fine
+
+
+def finer_grid(geobox: GeoBox, option: str) -> GeoBox:
+    """Return a grid of STEPS_PER_PIXEL times as many rows and columns; refuse too many, for an option."""
+    rows, cols = geobox.shape
+    if max(rows, cols) > _MAX_SIDE:
+        many = f"more than {_MAX_SIDE:,} rows or columns"
+        raise ParameterError(f"outlines of a raster of {many} are drawn on pixel edges; leave {option} out")
+    transform = scaled(geobox.transform, 1 / STEPS_PER_PIXEL, 1 / STEPS_PER_PIXEL)
+    return replace(geobox, shape=(STEPS_PER_PIXEL * rows, STEPS_PER_PIXEL * cols), transform=transform)
 
 
 def _smooth_preserving_areas(rings: Rings, shape: tuple[int, int], share: float) -> Rings:
