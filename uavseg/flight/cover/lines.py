@@ -217,7 +217,8 @@ class SurveyLines:
 
     def rough_order(self, home: Floats | None) -> Integers:
         """Return an order of all lines: cell by cell, each at the nearest end of its first or last line."""
-        entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in self.orders])
+        candidates = self.orders
+        entries = np.array([[(order[0], order[-1] ^ 1) for order in orders] for orders in candidates])
         places = np.concatenate(self.cells).reshape(-1, 2)[entries]
         here, chosen = places[0, 0, 0] if home is None else home, []
         for _ in self.cells:
@@ -225,7 +226,7 @@ class SurveyLines:
             cell, option = divmod(int(np.argmin(away)), 4)
             here = places[cell, option, 1].copy()
             places[cell] = np.inf
-            chosen.append(self.orders[cell][option])
+            chosen.append(candidates[cell][option])
         return np.concatenate(chosen)
 
 

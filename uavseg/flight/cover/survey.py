@@ -218,15 +218,20 @@ def _found(region: Any, params: CoverParams, near: FreeSpace, space: FreeSpace) 
     size = int(shapely.get_num_coordinates(region)) + 2 * count
     tries = min(params.tries, max(int(MAX_WORK / size), MIN_TRIES))
     is_thorough = tries >= MANY_TRIES
+    costs: dict[SurveyLines, float] = {}
 
     def ranked(laid: list[SurveyLines]) -> list[SurveyLines]:
-        if is_thorough:
-            costs = _least_costs([list(_fly(lines, space, quick)) for lines in laid], params)
+        new = [lines for lines in laid if lines not in costs]
+        if not new:
+            least = np.empty(0)
+        elif is_thorough:
+            least = _least_costs([list(_fly(lines, space, quick)) for lines in new], params)
         else:
-            orders = [swaths.in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in laid]
+            orders = [swaths.in_order(np.concatenate(lines.cells), lines.rough_order(home)) for lines in new]
             paths = [(xy.reshape(-1, 2), np.arange(2 * len(xy) - 1) % 2 == 0) for xy in orders]
-            costs = _path_costs(paths, params)
-        return [laid[k] for k in np.argsort(costs, kind="stable").tolist()]
+            least = _path_costs(paths, params)
+        costs.update(zip(new, least.tolist(), strict=True))
+        return sorted(laid, key=lambda lines: costs[lines])
 
     def others(grids: list[SurveyLines]) -> list[SurveyLines]:
         """Return further lines of the azimuths of grids: merged cells may leave the region."""

@@ -7,7 +7,6 @@ rises and falls within `jerk_rise_s`, like a raised cosine.
 """
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
@@ -110,13 +109,13 @@ def leg_seconds(
     seconds = np.zeros(len(legs))
     if flown.any():
         index = np.flatnonzero(flown)  # a corner of several equal points stops if one of them does
-        groups = list(pairwise([0, *(index + 1).tolist(), len(xyz)]))
-        kept = np.array([stop[first:end].any() for first, end in groups])
+        place = np.concatenate([[0], index + 1])
+        kept = np.logical_or.reduceat(stop, place)
         if vehicle.turns == "blend":
             seconds[flown] = _blended(legs[flown], speeds[flown], vehicle, kept)
         else:
-            held = np.array([hold[first:end].sum() for first, end in groups])
-            seconds[flown] = braked_seconds(xyz[[0, *(index + 1)]], speeds[flown], vehicle, kept, held)
+            held = np.add.reduceat(hold, place)
+            seconds[flown] = braked_seconds(xyz[place], speeds[flown], vehicle, kept, held)
     return seconds
 
 

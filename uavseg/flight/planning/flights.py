@@ -7,7 +7,7 @@ from dataclasses import field, replace
 import numpy as np
 import shapely
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.flight.mission.duration import CALM, leg_seconds
@@ -252,15 +252,12 @@ class LegCosts:
         legs = len(track.is_line)
         if not legs:
             return np.zeros(0), np.zeros(0)
-        points = self._points(track, fewest_changes(track, self.params))
-        counts = np.array([len(leg.share) for leg in points])
+        counts, points = self._points(track, fewest_changes(track, self.params))
         first = np.concatenate([[0], np.cumsum(counts[:-1])])
         of_leg = np.repeat(np.arange(legs), counts)
-        share = np.concatenate([leg.share for leg in points])
-        xy = track.xy[of_leg] + share[:, None] * (track.xy[of_leg + 1] - track.xy[of_leg])
-        height = np.concatenate([points[0].height_m[:1], *(leg.height_m[1:] for leg in points)])
-        path = np.column_stack([np.concatenate([track.xy[:1], xy]), height])
-        speed = np.concatenate([leg.speed_m_s for leg in points])
+        xy = track.xy[of_leg] + points.share[:, None] * (track.xy[of_leg + 1] - track.xy[of_leg])
+        path = np.column_stack([np.concatenate([track.xy[:1], xy]), points.height_m])
+        speed = points.speed_m_s
         hold = np.zeros(len(path))
         hold[np.append(0, first + counts)] = track.hold_s
         seconds = np.add.reduceat(
@@ -268,18 +265,26 @@ class LegCosts:
         )
         change = np.diff(speed, prepend=speed[0])
         slower = (change < 0) & np.isin(np.arange(len(speed)), first)  # with a point before the line
-        items = np.add.reduceat((change != 0) + slower.astype(float), first) + counts - 1
-        return seconds, items
+        changes: Floats = np.add.reduceat((change != 0) + slower.astype(float), first)
+        return seconds, changes + counts - 1
 
-    def _points(self, track: Track, speeds: Floats) -> list[LegPoints]:
+    def _points(self, track: Track, speeds: Floats) -> tuple[Integers, LegPoints]:
+        """Return the number of points of each leg, and those of all legs, one after the other."""
         terrain = self.params.terrain
         if terrain is None or terrain.dem is None:
-            end, height = np.ones(1), np.full(2, self.params.altitude_m, np.float64)
-            return [LegPoints(end, height, np.array([speed])) for speed in speeds.tolist()]
+            ends = np.ones(len(speeds), np.int64)
+            height = np.full(len(speeds) + 1, self.params.altitude_m, np.float64)
+            return ends, LegPoints(share=ends.astype(np.float64), height_m=height, speed_m_s=speeds)
         lon, lat = self.plane.lonlat_from_xy(*track.xy.T)
         places = np.column_stack([lon[:-1], lat[:-1], lon[1:], lat[1:], speeds])
         keys = [tuple(place) for place in places.tolist()]
         for key in keys:
             if key not in self._known:
                 self._known[key] = points_of_leg(terrain.dem, key, self.params)
-        return [self._known[key] for key in keys]
+        legs = [self._known[key] for key in keys]
+        heights = [legs[0].height_m[:1], *(leg.height_m[1:] for leg in legs)]
+        return np.array([len(leg.share) for leg in legs]), LegPoints(
+            share=np.concatenate([leg.share for leg in legs]),
+            height_m=np.concatenate(heights),
+            speed_m_s=np.concatenate([leg.speed_m_s for leg in legs]),
+        )

@@ -187,10 +187,10 @@ def fly_over(dem: Dem, lon: Floats, lat: Floats, params: PlanParams, speeds: Flo
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LegPoints:
-    """Points of one leg, the last of which is its end."""
+    """Points of legs, the last of each at its end."""
 
     share: Floats  # of the leg, from its start to each point, (n,)
-    height_m: Floats  # at its start and at each point, (n + 1,)
+    height_m: Floats  # at the start of the first and at each point, (n + 1,)
     speed_m_s: Floats  # on the part before each point, (n,)
 
 
