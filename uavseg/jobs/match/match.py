@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.arrays import Floats
+from uavseg.arrays import Floats, Uint16s
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, UnchosenBandsError
 from uavseg.execution.executors import decided, phase
@@ -36,6 +36,7 @@ from uavseg.regions.sample.similarity import (
     next_place,
     place_to_ask,
     sample_colors,
+    spread_colors,
     window_colors,
 )
 from uavseg.regions.table import Regions
@@ -69,6 +70,7 @@ class Match:
     texture: TextureSample | None  # where texture was compared
     next_sample: Disc | None = None  # where a further sample helps most, if color alone left much undecided
     answers: tuple[int, ...] = (1,)  # that differ, of `ANSWERS`
+    spread: Uint16s | None = None  # the colors all over the raster that were compared, as of `spread_colors`
 
     @property
     def compared(self) -> str:
@@ -103,10 +105,11 @@ class Match:
         return self.found.warnings
 
 
-def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
+def match(source: Source, request: MatchRequest, work: Work = SERIAL, spread: Uint16s | None = None) -> Match:
     """Return regions of a raster that are like a sample of it.
 
-    A SampleError says that the sample is not on the raster, too small, or on nodata.
+    `spread` is that of another match of the raster with the same bands, if any. A SampleError says that the
+    sample is not on the raster, too small, or on nodata.
     """
     work = work.begun()
     raster = raster_of(source, "a block map holds no texture to be compared; name the raster itself")
@@ -120,7 +123,7 @@ def match(source: Source, request: MatchRequest, work: Work = SERIAL) -> Match:
     detail_of(request.detail, raster.geobox, request.refine)  # refused before any work
     places = tuple(sample_mask(like, raster.geobox) for like in request.samples)
     passes = work.over(raster).stages(7)
-    result = _compared(raster, raster.grey(passes[0]), places, request, passes)
+    result = _compared(raster, raster.grey(passes[0]), places, request, passes, spread)
     hints = []
     if result.color is None and not len(result.found.regions) and not result.found.below_minimum:
         hints.append("nothing is like the sample; a smaller similarity or a larger intensity finds more")
@@ -141,7 +144,7 @@ def each_answer(
 ) -> dict[int, Regions]:
     """Return the regions of each answer that differs, by its number; `made` is the match of the request."""
     others = {n: replace(request, answer=n) for n in made.answers if n != request.answer}
-    found = {n: match(source, other, work).found.regions for n, other in others.items()}
+    found = {n: match(source, other, work, made.spread).found.regions for n, other in others.items()}
     return dict(sorted({**found, request.answer: made.found.regions}.items()))
 
 
@@ -170,7 +173,12 @@ def with_answers(source: Source, request: MatchRequest, ask: Ask, work: Work = S
 
 
 def _compared(
-    raster: Raster, grey: GreySource, places: Masks, request: MatchRequest, passes: Sequence[TilePass]
+    raster: Raster,
+    grey: GreySource,
+    places: Masks,
+    request: MatchRequest,
+    passes: Sequence[TilePass],
+    spread: Uint16s | None,
 ) -> Match:
     """Compare texture alone; or color, and unless that alone is chosen, texture where it tells more."""
 
@@ -183,7 +191,10 @@ def _compared(
         return Match(regions_by_texture(search, passes[2:4]), None, search.how)
     colors = color_sources(raster, grey, request.bands, passes[0].silent)
     unlike = [sample_mask(one, raster.geobox) for one in request.unlike]
-    similarity = learn(colors, places, unlike, passes[0], request.answer != 1)
+    if spread is None:
+        with phase("colours of the raster"):
+            spread = spread_colors(colors, passes[0])
+    similarity = learn(colors, places, unlike, passes[0], request.answer != 1, spread)
     if request.answer == 3 and similarity.table.finer_share is None:
         raise ParameterError("there is no answer 3, because finer kinds find no less; leave the answer out")
     auto = request.by == "auto" and request.is_one and request.answer == 1
@@ -208,7 +219,7 @@ def _compared(
             kept[label(place.window)[place.mask]] = True
         outlined = renumber_by_size(outlined.rings, outlined.sums, kept[outlined.rings.labels])
     found = regions_by_color(grey, similarity, outlined, request, passes[2])
-    return Match(found, similarity.table, None, proposed)
+    return Match(found, similarity.table, None, proposed, spread=spread)
 
 
 def _facts(request: MatchRequest, made: Match, all_bands: bool) -> dict[str, Any]:
@@ -233,11 +244,17 @@ def _fact(like: Disc | str) -> list[float] | str:
 
 
 def learn(
-    bands: Sequence[GreySource], places: Masks, unlike: Masks, tile_pass: TilePass, finer: bool = False
+    bands: Sequence[GreySource],
+    places: Masks,
+    unlike: Masks,
+    tile_pass: TilePass,
+    finer: bool = False,
+    spread: Uint16s | None = None,
 ) -> SimilaritySource:
     """Return the raster as likeness to samples, and not to others; by the finest mixture if asked for."""
     with phase("colours of the sample"):
-        result = sample_colors(bands, places, tile_pass, unlike).similarity(BlurredBands(bands), finer)
+        colors = sample_colors(bands, places, tile_pass, unlike, spread=spread)
+        result = colors.similarity(BlurredBands(bands), finer)
     means = result.table.sample_mean, result.table.raster_mean
     decided("likeness %.3f in the sample, %.3f in the raster", *means)
     return result
