@@ -18,7 +18,7 @@ import numpy as np
 from uavseg.dataclass import dataclass
 from uavseg.errors import RasterReadError
 from uavseg.execution.executors import Item, Map, Progress, Result
-from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_read_errors, is_sequential
+from uavseg.raster.access.opening import GDAL_ERRORS, OpenFiles, gdal_env, gdal_read_errors, is_sequential
 from uavseg.raster.grid.tiling import Window, indices_within, sample_positions
 from uavseg.raster.read.raster_file import RasterFile
 from uavseg.raster.spectral.bands import BandChoice, Valid, Values
@@ -120,7 +120,7 @@ class _Listening:
 
     def __call__(self, item: Any) -> tuple[Any, tuple[BadBlock, ...]]:
         found: set[BadBlock] = set()
-        with recording_bad_blocks(found):
+        with recording_bad_blocks(found), gdal_env():  # once for all that is read
             result = self.function(item)
         return result, tuple(sorted(found))
 
