@@ -195,7 +195,7 @@ def path(
     Examples
     --------
     >>> import uavseg
-    >>> from uavseg.occupancy.simulation.paper_scenes import lens
+    >>> from uavseg.occupancy.simulation.scenes import lens
     >>> way = uavseg.path(lens().run(), range=(0, 0.45), start=(1.605, 2.805), goal=(2.305, 0.705))
     >>> [round(float(number), 3) for number in way.xy[-1]]
     [2.305, 0.705]

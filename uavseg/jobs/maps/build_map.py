@@ -9,8 +9,7 @@ from uavseg.execution.executors import decided, phase
 from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
 from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.grid import OccupancyGrid
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
-from uavseg.occupancy.simulation.scene_file import load_scene
+from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES, load_scene
 from uavseg.occupancy.simulation.simulate import Simulation
 from uavseg.options.maps import BuildMapOptions, SimulateOptions, sensor_changes
 from uavseg.raster.grid.geobox import GeoBox
