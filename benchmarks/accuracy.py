@@ -82,7 +82,7 @@ def scores(seeds: int = SEEDS) -> Iterator[Score]:
     """Every method on both maps."""
     import numpy as np
 
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
+    from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES
 
     for scene, build in BUILT_IN_SCENES.items():
         simulation = build()

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 import uavseg
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.paper_scenes import lens_outline
+from uavseg.occupancy.simulation.scenes import lens_outline
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.raster.grid.geobox import local_geobox
 

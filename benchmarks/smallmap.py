@@ -50,7 +50,7 @@ def tasks() -> list[Task]:
 
 def measured(runs: int = RUNS) -> list[Task]:
     """Medians of every task on both maps."""
-    from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
+    from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES
 
     found = [
         _medians(_calls(BUILT_IN_SCENES[scene]().run(), *ENDS[scene]), runs) for scene in ("lens", "circles")

@@ -10,7 +10,7 @@ import pytest
 from benchmarks import accuracy, obstacles, smallmap, table
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.occupancy.simulation.paper_scenes import lens
+from uavseg.occupancy.simulation.scenes import lens
 from uavseg.raster.grid.geobox import GeoBox
 
 pytestmark = pytest.mark.slow

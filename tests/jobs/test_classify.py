@@ -18,7 +18,7 @@ from uavseg.jobs.source.source import ProbabilityMap
 from uavseg.jobs.source.work import Work
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
+from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset

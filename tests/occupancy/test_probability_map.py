@@ -11,7 +11,7 @@ from uavseg.errors import MapError, RasterReadError
 from uavseg.occupancy.map_file import open_map, stretch_of
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.ros.ros_map import write_ros_map
-from uavseg.occupancy.simulation.paper_scenes import lens
+from uavseg.occupancy.simulation.scenes import lens
 from uavseg.raster.formats.geotiff import Page, write_geotiff_pages
 from uavseg.raster.formats.png import write_png
 from uavseg.raster.grid.geobox import local_geobox

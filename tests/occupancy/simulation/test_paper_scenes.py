@@ -5,7 +5,7 @@ import pytest
 import shapely
 from shapely.affinity import scale, translate
 
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES, lens_outline
+from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES, lens_outline
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 
 

@@ -10,7 +10,7 @@ import pytest
 from tests.occupancy.simulation.json_scene import SCENE
 from uavseg.errors import SceneError
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.scene_file import build_simulation, load_scene
+from uavseg.occupancy.simulation.scenes import build_simulation, load_scene
 from uavseg.occupancy.simulation.simulate import RangeFinder
 
 

@@ -8,8 +8,7 @@ import shapely
 
 from tests.occupancy.simulation.json_scene import SCENE
 from uavseg.occupancy.mapping.scan import Pose
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
-from uavseg.occupancy.simulation.scene_file import build_simulation
+from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES, build_simulation
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
 from uavseg.units import FREE, OCCUPIED, UNKNOWN
 

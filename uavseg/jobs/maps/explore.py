@@ -19,8 +19,7 @@ from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.paths.find_path import PathParams
 from uavseg.occupancy.paths.path_text import feature_collection
 from uavseg.occupancy.ros.ros_map import placement
-from uavseg.occupancy.simulation.paper_scenes import BUILT_IN_SCENES
-from uavseg.occupancy.simulation.scene_file import load_scene
+from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES, load_scene
 from uavseg.occupancy.simulation.simulate import CellScene, RangeFinder, Scene
 from uavseg.options.maps import ExploreOptions, sensor_changes
 from uavseg.raster.grid.geobox import GeoBox

@@ -17,26 +17,32 @@ MAX_BANDS = 16  # of a plain array: a longer first or last axis is one of pixels
 _ALPHA_LAST = (2, 4)  # bands of a picture with transparency
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ArraySource:
-    """A raster source backed by an array; the attributes are those of `RasterFile`."""
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RasterMetadata:
+    """What is known of a raster source without its pixels."""
 
-    array: Any  # (rows, cols) or (bands, rows, cols); what is masked in a masked array is invalid
     path: str
     shape: tuple[int, int]
-    transform: Affine
+    transform: Affine  # the identity if it is not georeferenced
     crs: CRS | None
-    layout: BandLayout
-    nodatas: tuple[float | None, ...]
     located: bool = True
-    block: tuple[int, int] = (512, 512)
-    warnings: tuple[str, ...] = ()
-    palette: None = None
+    layout: BandLayout
+    nodatas: tuple[float | None, ...]  # the nodata value of each band
+    block: tuple[int, int] = (512, 512)  # rows and columns of one block of the source
+    palette: tuple[tuple[int, int, int, int], ...] | None = None
     driver: str = "array"
-    overviews: tuple[int, ...] = ()
-    scales: tuple[BandScale, ...] = ()
+    overviews: tuple[int, ...] = ()  # downsampling factors of the overviews in the file
+    warnings: tuple[str, ...] = ()
+    scales: tuple[BandScale, ...] = ()  # the scale, offset and unit of each band
+    added_nodata: float | None = None  # another one, of all bands that are read
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ArraySource(RasterMetadata):
+    """A raster source backed by an array."""
+
+    array: Any  # (rows, cols) or (bands, rows, cols); what is masked in a masked array is invalid
     placed: bool = True  # whether it says where it lies, which parts of a mosaic have to
-    added_nodata: float | None = None
 
     @property
     def name(self) -> str:

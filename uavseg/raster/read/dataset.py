@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ class OpenRaster(RasterFile):
 
     handle: Handle | None = None
 
-    def __reduce__(self) -> tuple[Callable[..., RasterFile], tuple[Any, ...]]:
+    def __getstate__(self) -> list[Any]:
         raise ParameterError(f"{self.path} is an open raster, which no other process can read; give its path")
 
     def fingerprint(self) -> Any:

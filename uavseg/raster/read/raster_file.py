@@ -4,14 +4,12 @@ GDAL reads it as a part of the raster, and does not say where its blocks lie; so
 """
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from affine import Affine
-from rasterio.crs import CRS
 from rasterio.io import DatasetReader
 
 from uavseg.dataclass import dataclass
@@ -19,7 +17,7 @@ from uavseg.errors import MosaicError, ParameterError, RasterReadError, Unchosen
 from uavseg.raster.access import opening
 from uavseg.raster.access.opening import OpenFiles
 from uavseg.raster.grid.tiling import Window
-from uavseg.raster.read.array_source import ArraySource
+from uavseg.raster.read.array_source import ArraySource, RasterMetadata
 from uavseg.raster.spectral.band_names import find_band, listed, names_of
 from uavseg.raster.spectral.bands import (
     BandChoice,
@@ -51,32 +49,18 @@ def _open_mask(path: str, source: DatasetReader) -> tuple[str, DatasetReader] | 
 FileState = tuple[str, int, int]
 
 
-@dataclass(frozen=True, slots=True)
-class RasterFile:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RasterFile(RasterMetadata):
     """Metadata of a raster file; the pixels stay in the file."""
 
-    path: str
-    shape: tuple[int, int]
-    transform: Affine  # the identity if the file is not georeferenced
-    crs: CRS | None
-    located: bool
-    layout: BandLayout
-    nodatas: tuple[float | None, ...]  # the nodata value of each band
-    block: tuple[int, int]  # rows and columns of one block of the file
     masks: str  # "file" if all bands share a mask, "band" if each has its own, or ""
     white_is_zero: bool  # whether large values are dark
-    palette: tuple[tuple[int, int, int, int], ...] | None
-    driver: str
     online: bool  # whether reading it may make requests
-    overviews: tuple[int, ...]  # downsampling factors of the overviews in the file
-    warnings: tuple[str, ...]
-    scales: tuple[BandScale, ...] = ()  # the scale, offset and unit of each band
-    added_nodata: float | None = None  # another one, of all bands that are read
 
-    def __reduce__(self) -> tuple[Callable[..., "RasterFile"], tuple[Any, ...]]:
+    def __getstate__(self) -> list[Any]:
         # A relative path becomes absolute: another process may have another working directory.
         path, *others = (getattr(self, part.name) for part in fields(self))
-        return RasterFile, (opening.absolute_path(path), *others)
+        return [opening.absolute_path(path), *others]
 
     @property
     def name(self) -> str:

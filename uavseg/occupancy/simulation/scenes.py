@@ -1,7 +1,12 @@
-"""JSON files of scenes to simulate.
+"""Scenes to simulate: the two of the paper, and JSON files of others.
 
-All lengths are in metres, all angles in degrees counterclockwise from the x axis; y points up. ``map`` and
-``poses`` are required, the other keys are optional, and unknown keys are refused.
+For both the paper gives the size of the map (320 x 320 cells), the number of scans, their noise, a range of 2
+m and beams 0.5 degrees apart. It shows scanned triangles with the sensor at a vertex, and cells between beams
+that no beam crosses. Beams 0.5 degrees apart are 17 mm apart at 2 m, so cells are 10 mm here. The positions
+of the objects and the sensor are chosen to look like the figures.
+
+In a file all lengths are in metres, all angles in degrees counterclockwise from the x axis; y points up.
+``map`` and ``poses`` are required, the other keys are optional, and unknown keys are refused.
 
 .. code-block:: json
 
@@ -21,18 +26,73 @@ degrees and beams 0.5 degrees apart.
 import json
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+import numpy as np
+
+from uavseg.arrays import Floats
 from uavseg.errors import RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
-from uavseg.plain_text import shown
+from uavseg.plain_text import joined, shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
+_MAP_SHAPE = (320, 320)
+_CELL_M = 0.01
+_MIDDLE_M = 1.6
+_ARC_CORNERS = 65
 _MAX_SCENE_CELLS = 1 << 28
 _SENSOR = {"sigma": "sigma_m", "range": "max_range_m", "fov": "fov_deg", "step": "step_deg"}
+
+
+def lens() -> Simulation:
+    """Make the scene of a divergent lens, thin in the middle, seen in five views with σ = 5 cm."""
+    scene = Scene(polygons=[lens_outline(_MIDDLE_M, _MIDDLE_M, height=1.1, edge=1.0, waist=0.5)])
+    return _views_around(scene, views=5, distance_m=1.5, first_deg=90.0, fov_deg=75.0, sigma_m=0.05)
+
+
+def circles() -> Simulation:
+    """Make the scene of two circles side by side, seen in eight views with σ = 3 cm."""
+    scene = Scene(circles=[(_MIDDLE_M - 0.4, _MIDDLE_M, 0.35), (_MIDDLE_M + 0.4, _MIDDLE_M, 0.35)])
+    return _views_around(scene, views=8, distance_m=1.4, first_deg=22.5, fov_deg=60.0, sigma_m=0.03)
+
+
+BUILT_IN_SCENES: dict[str, Callable[[], Simulation]] = {"lens": lens, "circles": circles}
+
+
+def lens_outline(x: float, y: float, height: float, edge: float, waist: float) -> Floats:
+    """Compute the corners (130, 2) of a lens with two concave sides, counterclockwise.
+
+    The centre and all lengths are in metres; `edge` is the width at the top and bottom, `waist` in the
+    middle.
+    """
+    sag = (edge - waist) / 2
+    radius = (sag**2 + (height / 2) ** 2) / (2 * sag)
+    half_angle = math.asin(height / 2 / radius)
+    turned = np.linspace(-half_angle, half_angle, _ARC_CORNERS)
+    right = np.column_stack([waist / 2 + radius * (1 - np.cos(turned)), radius * np.sin(turned)])
+    left = -right  # mirrored in both axes, so the order continues
+    return np.asarray(np.vstack([right, left]) + np.array([x, y]))
+
+
+def _views_around(
+    scene: Scene, views: int, distance_m: float, first_deg: float, fov_deg: float, sigma_m: float
+) -> Simulation:
+    """Place poses on a circle around the middle of the map, facing it."""
+    angles = [first_deg + 360.0 * view / views for view in range(views)]
+    poses = [
+        Pose(
+            _MIDDLE_M + distance_m * math.cos(math.radians(angle)),
+            _MIDDLE_M + distance_m * math.sin(math.radians(angle)),
+            heading_rad=math.radians((angle + 180.0) % 360.0),
+        )
+        for angle in angles
+    ]
+    sensor = RangeFinder(sigma_m=sigma_m, max_range_m=2.0, fov_deg=fov_deg, step_deg=0.5)
+    geobox = local_geobox(_MAP_SHAPE, _CELL_M, (0.0, 0.0))
+    return Simulation(scene=scene, sensor=sensor, poses=poses, geobox=geobox)
 
 
 def load_scene(path: str | os.PathLike[str]) -> Simulation:
@@ -110,15 +170,13 @@ def _circle(name: str, content: Any) -> tuple[float, float, float]:
 
 def _object(name: str, value: Any, required: Sequence[str], optional: Sequence[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise SceneError(
-            f"{name} is an object with {_join_names(required or optional)}, not {_as_json(value)}"
-        )
+        raise SceneError(f"{name} is an object with {joined(required or optional)}, not {_as_json(value)}")
     for key in required:
         if key not in value:
-            raise SceneError(f"{name} needs {_join_names(required)}; {key} is missing")
+            raise SceneError(f"{name} needs {joined(required)}; {key} is missing")
     for key in value:
         if key not in (*required, *optional):
-            raise SceneError(f"{name} has no {key!r}; it has {_join_names((*required, *optional))}")
+            raise SceneError(f"{name} has no {key!r}; it has {joined((*required, *optional))}")
     return value
 
 
@@ -147,10 +205,6 @@ def _count(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise SceneError(f"{name} is a whole number of at least 1, not {_as_json(value)}")
     return value
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _as_json(value: Any) -> str:
