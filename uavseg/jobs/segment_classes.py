@@ -19,7 +19,7 @@ from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, d
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
+from uavseg.regions.confidence import check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
@@ -233,8 +233,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
     sure = partial(confidence_of, outlined, found.info.statistics)
-    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
-    result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
+    result = results.measured(outlined, found.info, ends, request, columns, sure, found.refine)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
     how: dict[str, Any] = {"classes": names} | results.segment_facts(request.segment)
     how |= results.drawing_facts(request, request.fill_holes)
@@ -347,5 +346,4 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
     sure = partial(confidence_of, outlined, info.statistics)
-    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
-    return results.measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)
+    return results.measured(outlined, info, ends, request, {"level": level}, sure, found.refine)
