@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.arrays import Bools, Integers, Uint8s
 from uavseg.dataclass import dataclass
@@ -58,7 +57,7 @@ Passes = Sequence[TilePass]
 
 _PIECE = Area(CELL * CELL, in_pixels=True)
 # A tile, its cells with those around it, and the edges of the regions that matches are clipped to, if any.
-_MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
+_MatchJob = tuple[Window, Uint8s, EdgeTable | None]
 
 
 @dataclass(frozen=True)
