@@ -65,7 +65,6 @@ from uavseg.flight.params.plan import (
     TerrainParams,
     VisitParams,
 )
-from uavseg.jobs.flights.link import LinkRequest
 
 VALUES = ("nan", "inf", "-inf")
 OUTLINE = [(8.001, 47.001), (8.003, 47.001), (8.003, 47.002), (8.001, 47.002)]
@@ -254,7 +253,6 @@ CHECKED = [
     SafetyParams(max_distance_m=1000.0, zone_height_m=20.0),
     PlanParams(50.0, "survey", spacing_m=25.0, angle_deg=10.0, tolerance_m=1.0),
     TerrainParams(None, "frame", None, 2.0, 2.0),
-    LinkRequest("udpout:127.0.0.1:9", 10.0),
 ]
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings, strategies as st
 
-from uavseg.jobs.ranges.level_breaks import quantile_breaks
+from uavseg.jobs.segment_classes import quantile_breaks
 from uavseg.segmentation.params.segment import Breaks
 from uavseg.segmentation.range_choice import propose_ranges
 

@@ -13,7 +13,7 @@ from uavseg.access import allowing
 from uavseg.arguments import checked
 from uavseg.arrays import GeoDataFrame
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import Progress
+from uavseg.execution.executors import Progress, decided, threads, usable_cores
 from uavseg.execution.progress_bar import ProgressLine
 from uavseg.jobs.requests import RegionJob, region_job
 from uavseg.jobs.source.work import Work
@@ -40,8 +40,13 @@ def job_function(function: F) -> F:
 
 
 def work(run: RunOptions, progress: Progress | bool | None = None) -> Work:
-    """Return how a job is run: by threads, with finished tiles kept in a folder if one is given."""
-    return Work.by_threads(run.threads, run.tile, progress_of(progress), run.resume)
+    """Return how a job is run: by threads, with finished tiles kept in a folder if one is given.
+
+    ParameterError is raised if the number of threads is below 1.
+    """
+    pool = threads(run.threads)
+    decided("%d threads", run.threads or usable_cores())
+    return Work(run.tile, pool, pool, progress_of(progress), run.resume)
 
 
 def progress_of(progress: Progress | bool | None) -> Progress | None:

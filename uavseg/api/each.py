@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from uavseg.access import Folders, allowing
-from uavseg.api._values import collecting, progress_of, warn, work
+from uavseg.api._values import collecting, warn, work
 from uavseg.api.questions import match
 from uavseg.api.rasters import extract, levels
 from uavseg.arguments import checked
@@ -21,7 +21,6 @@ from uavseg.jobs.each.each import Outcome, OutputNames, grouped_warnings, plan_t
 from uavseg.jobs.extract import Written, check_local, extract_partitions
 from uavseg.jobs.requests import RegionJob
 from uavseg.jobs.source.open_source import open_source
-from uavseg.jobs.source.work import Work
 from uavseg.options.running import RunOptions
 from uavseg.raster.formats.creation import creation_for
 
@@ -106,7 +105,7 @@ def each(
     given = [sources] if isinstance(sources, str | os.PathLike) else sources
     with allowing(allow_path, allow_network):
         tasks, _ = plan_tasks(given, names)
-        how = Work.by_threads(None, run.tile, progress_of(progress))
+        how = work(replace(run, threads=None), progress)
         result = run_each(tasks, regions, names, how, threads)
     warn([*grouped_warnings(result), *(one.failure for one in result if one.error is not None)])
     return result

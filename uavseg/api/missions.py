@@ -14,10 +14,9 @@ from uavseg.flight.camera.camera import Camera
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.vehicle import Vehicle
 from uavseg.jobs.flights.check import MissionCheck, check as run_check, check_request
-from uavseg.jobs.flights.link import LinkRequest, Progress, download as run_download, upload as run_upload
-from uavseg.jobs.flights.plan import MissionPlan, plan as run_plan
+from uavseg.jobs.flights.link import Progress, download as run_download, upload as run_upload
+from uavseg.jobs.flights.plan import MissionPlan, plan as run_plan, resume as run_resume
 from uavseg.jobs.flights.request import open_regions, plan_request, widths_of, zone_polygons
-from uavseg.jobs.flights.resume import resume as run_resume
 from uavseg.jobs.source.open_source import open_source
 from uavseg.options.flights import PlanOptions
 from uavseg.options.missions import CheckOptions
@@ -413,8 +412,7 @@ def upload(
     >>> import uavseg
     >>> uavseg.upload("fly.plan", connect="udpout:192.168.4.1:14550")  # doctest: +SKIP
     """
-    request = LinkRequest(connect, timeout)
-    warn(run_upload(mission, request, progress_of(progress), while_armed).warnings)
+    warn(run_upload(mission, connect, timeout, progress_of(progress), while_armed).warnings)
 
 
 @checked
@@ -442,6 +440,6 @@ def download(*, connect: str, timeout: float = 10.0, progress: Progress | bool |
     LinkError
         If the vehicle cannot be reached, refuses, falls silent, or is not alone on the link.
     """
-    found = run_download(LinkRequest(connect, timeout), progress_of(progress))
+    found = run_download(connect, timeout, progress_of(progress))
     warn(found.warnings)
     return found.mission

@@ -17,10 +17,10 @@ from uavseg.jobs.match.ranges_of_sample import SampleRange, ranges_of_sample
 from uavseg.jobs.match.request import Ask
 from uavseg.jobs.requests import suggest_like_request, suggest_request
 from uavseg.jobs.source.open_source import open_all_bands, open_source
-from uavseg.jobs.source.work import Work
 from uavseg.jobs.suggest import Suggestion, suggest as run_suggest
 from uavseg.options.option import build
 from uavseg.options.regions import InfoOptions, MatchOptions, SuggestOptions
+from uavseg.options.running import RunOptions
 from uavseg.raster.summary import Summary
 from uavseg.regions.formats.metadata import RegionFile
 
@@ -294,7 +294,8 @@ def info(
     with allowing(allow_path, allow_network):
         if names_regions(source):
             return info_regions(source, options.read)
-        return run_info(open_to_describe(source, options.read), Work.by_threads(threads), _names(source))
+        opened = open_to_describe(source, options.read)
+        return run_info(opened, work(RunOptions(threads=threads)), _names(source))
 
 
 def _names(source: Any) -> list[str]:

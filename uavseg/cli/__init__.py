@@ -58,7 +58,7 @@ _BESIDE |= dict.fromkeys(("compare", "describe", "recognise"), "classify")
 _BESIDE |= dict.fromkeys(("levels", "original"), "divide")
 _BESIDE |= dict.fromkeys(("next-view", "path"), "explore")
 _BESIDE |= dict.fromkeys(("upload", "download", "footprints", "georeference"), "check")
-_BESIDE |= {"info": "preview", "resume": "plan", "serve": "map"}
+_BESIDE |= dict.fromkeys(("info", "map", "serve"), "preview") | {"resume": "plan"}
 
 
 class CommandGroup(click.Group):

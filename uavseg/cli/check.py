@@ -7,20 +7,14 @@ from uavseg.cli import write
 from uavseg.cli.command import job_command
 from uavseg.cli.terminal.say import Reporter, say, show, showing_phases
 from uavseg.errors import MissionError
-from uavseg.options.missions import (
-    CheckOptions,
-    DownloadOptions,
-    FootprintsOptions,
-    GeoreferenceOptions,
-    UploadOptions,
-)
+from uavseg.options import missions
 
 if TYPE_CHECKING:
     from uavseg.flight.mission.mission import Mission
 
 
-@job_command("check", CheckOptions)
-def command(options: CheckOptions, reporter: Reporter) -> None:
+@job_command("check", missions.CheckOptions)
+def command(options: missions.CheckOptions, reporter: Reporter) -> None:
     """Read the mission in FILE (.plan, .waypoints, .kml, .geojson, .kmz or .csv) back, and tell what it
     holds, how long it takes, and which autopilots, programs and aircraft would refuse it.
 
@@ -96,8 +90,8 @@ def _coverage_rows(about: dict[str, Any]) -> dict[str, str]:
     }
 
 
-@job_command("upload", UploadOptions)
-def upload(options: UploadOptions, reporter: Reporter) -> None:
+@job_command("upload", missions.UploadOptions)
+def upload(options: missions.UploadOptions, reporter: Reporter) -> None:
     """Send the mission in FILE (.plan or .waypoints) to a vehicle with its fence and rally points, read them
     back and compare.
 
@@ -107,12 +101,12 @@ def upload(options: UploadOptions, reporter: Reporter) -> None:
     Exit codes: 0, the vehicle holds the mission; 1, it is armed, it refused it, or something failed; 3, it
     accepted the mission, which could then not be read back.
     """
-    from uavseg.jobs.flights.link import LinkRequest, upload
+    from uavseg.jobs.flights.link import upload
     from uavseg.output.disk import noted_stream
 
-    request = LinkRequest(options.link.connect, options.link.timeout)
+    link = options.link
     with noted_stream("the mission of the vehicle"):
-        done = upload(options.file, request, reporter.progress, options.while_armed)
+        done = upload(options.file, link.connect, link.timeout, reporter.progress, options.while_armed)
     reporter.finish(done.warnings)
     reporter.say(f"{options.file}: {vehicle_report(done.mission, done.vehicle)}, read back and equal")
 
@@ -127,26 +121,26 @@ def vehicle_report(mission: "Mission", vehicle: str) -> str:
     return f"{', '.join(parts)} ({vehicle})"
 
 
-@job_command("download", DownloadOptions)
-def download(options: DownloadOptions, reporter: Reporter) -> None:
+@job_command("download", missions.DownloadOptions)
+def download(options: missions.DownloadOptions, reporter: Reporter) -> None:
     """Read the mission that a vehicle holds, with its fence and rally points, to a file.
 
     The file is for QGroundControl (.plan) or for Mission Planner (.waypoints, which holds no fence).
     """
     from uavseg.flight.formats.files import check_mission_format
-    from uavseg.jobs.flights.link import LinkRequest, download
+    from uavseg.jobs.flights.link import download
 
     output, overwrite = options.output, options.files.overwrite
     check_mission_format(output)
     write.check_output(output, overwrite)
-    found = download(LinkRequest(options.link.connect, options.link.timeout), reporter.progress)
+    found = download(options.link.connect, options.link.timeout, reporter.progress)
     unwritten = write.write_mission_output(found.mission, output, overwrite)
     reporter.finish((*found.warnings, *unwritten))
     reporter.say(f"{output}: {vehicle_report(found.mission, found.vehicle)}")
 
 
-@job_command("footprints", FootprintsOptions)
-def footprints(options: FootprintsOptions, reporter: Reporter) -> None:
+@job_command("footprints", missions.FootprintsOptions)
+def footprints(options: missions.FootprintsOptions, reporter: Reporter) -> None:
     """Draw the ground that each PHOTO (a file, or a folder with its subfolders) shows.
 
     Position, height, angles of the camera and focal length are those of the EXIF and XMP tags of DJI, Autel,
@@ -163,15 +157,14 @@ def footprints(options: FootprintsOptions, reporter: Reporter) -> None:
     reporter.finish([*found.warnings, *export.format_notes(found.regions, target)])
     write.write_region_output(found, target, overwrite)
     area = found.regions.columns["area_m2"]
-    reporter.table(
+    reporter.timed_table(
         footprints=f"{len(found.regions):,} -> {write.shown(target)}",
         areas=f"{area.min():,.1f} to {area.max():,.1f} m2",
-        seconds=f"{reporter.seconds:.2f}",
     )
 
 
-@job_command("georeference", GeoreferenceOptions)
-def georeference(options: GeoreferenceOptions, reporter: Reporter) -> None:
+@job_command("georeference", missions.GeoreferenceOptions)
+def georeference(options: missions.GeoreferenceOptions, reporter: Reporter) -> None:
     """Make a map of PHOTOs (files, or folders with their subfolders) by their pose, without photogrammetry.
 
     Tags are read as by `uavseg footprints`. Each pixel is of the photograph whose camera is nearest; ground
@@ -184,9 +177,8 @@ def georeference(options: GeoreferenceOptions, reporter: Reporter) -> None:
     reporter.finish(found.warnings)
     rows, cols = found.geobox.shape
     pixels = f"{cols:,} x {rows:,} pixels of {100 * found.geobox.transform.a:g} cm"
-    reporter.table(
+    reporter.timed_table(
         photos=f"{len(found.photographs):,}",
         map=f"{pixels} -> {write.shown(str(found.path))}",
         error=f"likely {found.error_m:.1f} m, up to {found.edge_error_m:.1f} m at edges",
-        seconds=f"{reporter.seconds:.2f}",
     )

@@ -66,7 +66,7 @@ def command(options: ClassifyOptions, reporter: Reporter) -> None:
         cells = f"{found.cells[0]:,} cells without data are unknown in {target}"
         reporter.warn(f"a ROS map knows no nodata: {cells}")
     rows = _rows(found, request.limits, target, options.objects)
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)
 
 
 def _rows(found: "Classification", limits: "StateLimits", target: str, objects: str | None) -> dict[str, str]:
@@ -185,4 +185,4 @@ def compare(options: CompareOptions, reporter: Reporter) -> None:
         rows["pixels"] = f"{', '.join(inside)}, of {found.common:,} on the grid of {found.grid.upper()}"
     sums = [f"{name} {n:,} pixels, {area:,.2f} {unit}" for name, (n, area) in found.changes.items() if n]
     rows["sums"] = "; ".join(sums) or "no change"
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)

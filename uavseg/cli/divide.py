@@ -33,20 +33,19 @@ def command(options: DivideOptions, reporter: Reporter) -> None:
     check_block_map_name(output)
     creation = write.creation_of(options.creation, {output: "uint32"})
     write.check_output(output, overwrite, rasters)
-    segment = options.division.segment_params()
-    found = divide(open_source(rasters, options.read), segment, work_of(options.run, reporter))
-    write_block_map(output, found.saved, segment.division, overwrite, creation)
+    division = options.division.segment_params().division
+    found = divide(open_source(rasters, options.read), work_of(options.run, reporter))
+    write_block_map(output, found.saved, division, overwrite, creation)
     reporter.finish(found.warnings)
     rows, cols = found.saved.blocks.blocks
     width = found.saved.origin.flatten
     unit = "pixels" if width is not None and width.endswith("px") else "m"
     flat = {} if width is None else {"slow light": f"taken away over {width.removesuffix('px')} {unit}"}
-    reporter.table(
+    reporter.timed_table(
         blocks=f"{rows * cols:,} of 64 x 64 -> {output}",
         stretch=found.saved.stretch.name,
         band=found.saved.band_names,
         **flat,
-        seconds=f"{reporter.seconds:.2f}",
     )
 
 
@@ -78,11 +77,10 @@ def levels(options: LevelsOptions, reporter: Reporter) -> None:
     reporter.finish([*found.warnings, *files.notes(found, source.geobox.wkt)])
     with write.transaction():
         files.write(found, work)
-    reporter.table(
+    reporter.timed_table(
         segments=f"{len(found.regions):,} -> {write.shown(files.target)}",
         levels=_levels_row(found, job.request),
         **write.summary_rows(found),
-        seconds=f"{reporter.seconds:.2f}",
     )
 
 
@@ -97,7 +95,7 @@ def _width(found: "Extraction", width: float) -> str:
 
 def _levels_row(found: "Extraction", request: "LevelsRequest") -> str:
     """Return how many levels there are, for the table at the end."""
-    from uavseg.jobs.ranges.level_breaks import BreakChoice
+    from uavseg.jobs.segment_classes import BreakChoice
     from uavseg.segmentation.params.segment import Levels
 
     there = len(set(found.regions.columns["level"].tolist()))
@@ -119,7 +117,7 @@ def original(options: OriginalOptions, reporter: Reporter) -> None:
     by one. All of the image is held in memory, at most 4096 x 4096 pixels. RASTER may be the YAML file of a
     ROS map. `uavseg preview --labels` draws the segments.
     """
-    from uavseg.jobs.original import original
+    from uavseg.jobs.divide import original
     from uavseg.jobs.source.open_source import open_source
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.grid.tiling import Window
@@ -136,9 +134,8 @@ def original(options: OriginalOptions, reporter: Reporter) -> None:
     tiles = [(Window(0, 0, *geobox.shape), found.labels)]
     write_label_geotiff(output, tiles, geobox, overwrite, creation=creation)
     reporter.finish(found.warnings)
-    reporter.table(
+    reporter.timed_table(
         segments=f"{int(found.labels.max()):,} -> {output}",
         stretch=found.source.stretch.name,
         band=found.source.band_names,
-        seconds=f"{reporter.seconds:.2f}",
     )

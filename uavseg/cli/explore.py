@@ -78,7 +78,7 @@ def next_view(options: NextViewOptions, reporter: Reporter) -> None:
     of free and unknown ones; the best begins a short tour through all of them, which ends where unknown space
     goes on farthest.
     """
-    from uavseg.jobs.maps.next_view import check_view, next_views
+    from uavseg.jobs.maps.explore import check_view, next_views
     from uavseg.jobs.source.open_source import open_probability_map
     from uavseg.occupancy.paths.path_text import check_path_crs
 
@@ -135,9 +135,9 @@ def path(options: PathOptions, reporter: Reporter) -> None:
         home = (float(lat[0]), float(lon[0])) if isinstance(options.home, str) else options.home
         mission = fly_along(lon, lat, flight, home)
         unwritten = write.write_mission_output(mission, output, overwrite)
-    reporter.table(_rows(found, output) | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(_rows(found, output))
     if mission is not None and not reporter.quiet:
-        from uavseg.cli.mission_report import report
+        from uavseg.cli.plan import report
 
         report([mission], 1, [output], [*mission.warnings, *unwritten])
 

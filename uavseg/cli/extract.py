@@ -77,7 +77,7 @@ def command(options: ExtractOptions, reporter: Reporter) -> None:
             )
         files.write(found, work)
     if planned is not None and not reporter.quiet:
-        from uavseg.cli.mission_report import report
+        from uavseg.cli.plan import report
 
         notes = [*planned.warnings, *unwritten]
         if options.avoid_classes and (options.sizes.min_area, options.sizes.fill_holes) != (None, None):
@@ -91,7 +91,7 @@ def command(options: ExtractOptions, reporter: Reporter) -> None:
         names = found.regions.columns["class"].tolist()
         rows["classes"] = first_of([f"{name} {names.count(name):,}" for name in known], _LISTED)
     rows |= write.summary_rows(found)
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)
 
 
 def _write_partitions(options: ExtractOptions, job: "RegionJob", reporter: Reporter) -> None:
@@ -117,7 +117,7 @@ def _write_partitions(options: ExtractOptions, job: "RegionJob", reporter: Repor
     rows["total area"] = f"{written.area:,.1f} {unit}"
     rows["largest"] = f"{area:,.1f} {unit} ({pixels:,} pixels)" if written.files else "-"
     rows |= write.confidence_row(found, written.regions)
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)
 
 
 def _class_names(request: Any) -> list[str]:

@@ -117,7 +117,7 @@ def command(options: MatchOptions, reporter: Reporter) -> None:
     rows = {"regions": f"{len(found.regions):,} -> {write.shown(files.target)}"}
     rows |= {name: common[name] for name in ("total area", "largest")}
     rows |= write.confidence_row(found) | compared | {name: common[name] for name in ("stretch", "band")}
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)
 
 
 def _check_samples(options: MatchOptions) -> None:

@@ -290,7 +290,7 @@ def answer_each(options: RegionOptions, job: RegionJob, ending: str, reporter: R
     if skipped:
         rows["left out"] = f"{skipped:,}, whose outputs are there"
     rows["regions"] = f"{sum(one.regions or 0 for one in done):,}"
-    reporter.table(rows | {"seconds": f"{reporter.seconds:.2f}"})
+    reporter.timed_table(rows)
     failed = [one for one in outcomes if one.error is not None]
     for one in failed:
         say(f"uavseg: error: {one.failure}")

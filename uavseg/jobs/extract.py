@@ -28,7 +28,7 @@ from uavseg.output.atomic import atomic_file
 from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import DetectedRange, ValueRange
-from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
+from uavseg.regions.confidence import check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.formats.export import check_region_folder, write_regions
 from uavseg.regions.outline.rings import RegionOutlines
@@ -189,9 +189,8 @@ def measure(
     info = SourceInfo.of(source)
     outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     ends = detected.interval.low, detected.interval.high
-    sure = partial(confidence_of, outlined, info.statistics)
-    confidence = Confidence.of(outlined, sure, request.segment.refine, request.min_confidence)
-    return measured(outlined, info, ends, request.drawing, detected=detected, confidence=confidence)
+    sure, refine = partial(confidence_of, outlined, info.statistics), request.segment.refine
+    return measured(outlined, info, ends, request, confidence=sure, refine=refine, detected=detected)
 
 
 def why_none(

@@ -114,9 +114,8 @@ def option_words(options: ReadOptions) -> list[str]:
     words: list[str] = []
     for name in _ORDER:
         value = getattr(options, name)
-        if value is None or value is False or (name, value) == ("collar", "auto"):
-            continue
-        if value == StretchSpec("auto"):
+        is_default = (name, value) in (("collar", "auto"), ("stretch", StretchSpec("auto")))
+        if value is None or value is False or is_default:
             continue
         option = f"--{name.replace('_', '-')}"
         words += [option] if value is True else [option, _text(value)]

@@ -95,8 +95,7 @@ def _extract(options: ExtractOptions) -> tuple[Find, Any]:
 
 
 def _levels(options: LevelsOptions) -> tuple[Find, Any]:
-    from uavseg.jobs.ranges.level_breaks import breaks_of
-    from uavseg.jobs.segment_classes import LevelsRequest, level_params, levels
+    from uavseg.jobs.segment_classes import LevelsRequest, breaks_of, level_params, levels
 
     wanted = breaks_of(options.breaks) if options.width is None else Levels(options.width)
     sizes = _sizes(options) | {"small": options.small}

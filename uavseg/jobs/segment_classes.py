@@ -1,6 +1,7 @@
-"""Segments of several intervals of v at once: extraction of several classes, and division into levels."""
+"""Segments of several intervals of v at once: classes, and levels, whose breaks may be chosen by a rule."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, get_args
 
@@ -9,9 +10,8 @@ from numpy.typing import NDArray
 
 from uavseg.arrays import Integers
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError
+from uavseg.errors import ParameterError, RasterError, caused_errors
 from uavseg.execution.executors import decided, phase, trim_heap
-from uavseg.jobs.ranges.level_breaks import BreakChoice
 from uavseg.jobs.ranges.ranges import EACH_PIXEL, decided_grey, missed_text, where_to_look
 from uavseg.jobs.result import result as results
 from uavseg.jobs.result.result import Extraction, RegionRequest, SourceInfo
@@ -19,21 +19,26 @@ from uavseg.jobs.source.source import Blocks, Pixels, Source, check_unchanged, d
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import Confidence, check_minimum, confidence_of, none_confident
+from uavseg.regions.confidence import check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
-from uavseg.segmentation.blocks.leaves import cell_classes
+from uavseg.segmentation.blocks.leaves import cell_classes, histogram_of_means
 from uavseg.segmentation.params import segment as params
 from uavseg.segmentation.params.segment import Breaks, Levels, Partition, SegmentParams, ValueClasses
 from uavseg.segmentation.pipeline import measure_block_map, measure_block_map_for
+from uavseg.segmentation.range_choice import MAX_CLASSES, propose_ranges
 from uavseg.segmentation.source import GreySource, with_statistics
-from uavseg.units import CELL, MAX_PIXEL_CLASSES
+from uavseg.units import CELL, GREY_MAX, MAX_PIXEL_CLASSES
 
 ChoosePartition = Callable[[BlockMap], Partition]
 Small = Literal["drop", "merge"]
+BreakRule = Literal["otsu", "quantile"]
+_QUANTILES = 5
+_MAX_QUANTILES = 100
+_EXPECTED = "breaks are numbers such as 0.2,0.5, otsu, otsu:3, quantile or quantile:4"
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +77,7 @@ def joint_params(segment: SegmentParams, refine: str | None) -> SegmentParams:
         raise ParameterError(
             f"intervals of v are refined together by tv, pixels or none; {refine} is for one range"
         )
-    return SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
+    return replace(segment, refine=refine)  # type: ignore[arg-type]
 
 
 def segment_classes(source: Source, request: PartitionRequest, work: Work) -> Segmented:
@@ -233,8 +238,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
         hints.append(_why_none(missing, found, request, source))
     ends = low[kind], high[kind]
     sure = partial(confidence_of, outlined, found.info.statistics)
-    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
-    result = results.measured(outlined, found.info, ends, request.drawing, columns, confidence=confidence)
+    result = results.measured(outlined, found.info, ends, request, columns, sure, found.refine)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
     how: dict[str, Any] = {"classes": names} | results.segment_facts(request.segment)
     how |= results.drawing_facts(request, request.fill_holes)
@@ -259,6 +263,35 @@ def _why_none(classes: list[int], found: Segmented, request: ClassesRequest, sou
     if not inside or not ways:
         return f"{none}; {where_to_look(source)}"
     return f"{none}, {missed_text(inside, valid, ways, 'it' if len(classes) == 1 else 'them')}"
+
+
+@dataclass(frozen=True, slots=True)
+class BreakChoice:
+    """How many levels, and the rule for the breaks between them, from the means of leaves.
+
+    With "otsu" the variance within levels is smallest, as `suggest` has it: 2 to 8 levels, by default as many
+    as valleys of the histogram separate. With "quantile" each has the same number of pixels: 2 to 100, by
+    default 5. A ParameterError says that one of them is not allowed.
+    """
+
+    rule: BreakRule
+    count: int | None = None  # of levels
+
+    def __post_init__(self) -> None:
+        if self.rule not in get_args(BreakRule):
+            raise ParameterError(f"{_EXPECTED}, not {self.rule!r}")
+        most = MAX_CLASSES if self.rule == "otsu" else _MAX_QUANTILES
+        if self.count is not None and not 2 <= self.count <= most:
+            raise ParameterError(f"levels by {self.rule} are 2 to {most} in number, not {self.count}")
+
+    def breaks(self, blocks: BlockMap, division: params.DivisionParams) -> Breaks:
+        """Return the breaks that a block map gives; raise RasterError if it has no valid pixel."""
+        histogram = histogram_of_means(blocks, division)
+        if not histogram.any():
+            raise RasterError("no pixel is valid, so there are no breaks; look at nodata with uavseg info")
+        if self.rule == "otsu":
+            return Breaks(propose_ranges(histogram, self.count).edges)
+        return Breaks(quantile_breaks(histogram, self.count or _QUANTILES))
 
 
 @dataclass(frozen=True, slots=True)
@@ -347,5 +380,55 @@ def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
     sure = partial(confidence_of, outlined, info.statistics)
-    confidence = Confidence.of(outlined, sure, found.refine, request.min_confidence)
-    return results.measured(outlined, info, ends, request.drawing, {"level": level}, confidence=confidence)
+    return results.measured(outlined, info, ends, request, {"level": level}, sure, found.refine)
+
+
+def quantile_breaks(histogram: Integers, count: int) -> tuple[float, ...]:
+    """Return breaks below which 1 / count, 2 / count, ... of the pixels lie; fewer where many have one value.
+
+    The histogram, (65536,), is of pixels by grey.
+
+    Examples
+    --------
+    >>> histogram = np.zeros(65536, np.int64)
+    >>> histogram[[6000, 20000, 40000, 60000]] = 1
+    >>> quantile_breaks(histogram, 2)
+    (0.4,)
+    """
+    below = np.cumsum(histogram)
+    wanted = np.array([-(-k * int(below[-1]) // count) for k in range(1, count)])
+    greys = np.unique(np.searchsorted(below, wanted))
+    greys = greys[below[greys] < below[-1]]  # the last grey belongs to the last level
+    occupied = np.flatnonzero(histogram)
+    after = occupied[np.searchsorted(occupied, greys, "right")]
+    return tuple(_break_between(*pair) for pair in zip(greys.tolist(), after.tolist(), strict=True))
+
+
+def _break_between(low: int, high: int) -> float:
+    """Return the number above 0 of the fewest decimals from a grey on that is not nearer to a higher one."""
+    for decimals in range(1, 7):  # six decimals, a fifteenth of a grey, always do
+        unit = 10**decimals
+        found = max(-(-low * unit // GREY_MAX), 1) / unit
+        if found < (high - 0.5) / GREY_MAX:
+            break
+    return float(found)
+
+
+def breaks_of(breaks: Sequence[float] | str | None) -> Breaks | BreakChoice:
+    """Return breaks: numbers (as text between commas too), otsu or quantile, perhaps with a number of levels.
+
+    ParameterError is raised if it is none of them.
+
+    Examples
+    --------
+    >>> breaks_of("otsu:3"), breaks_of("0.2,0.5")
+    (BreakChoice(rule='otsu', count=3), Breaks(edges=(0.2, 0.5)))
+    """
+    if breaks is not None and not isinstance(breaks, str):
+        return Breaks(tuple(float(one) for one in breaks))
+    text = breaks or ""
+    rule, _, count = text.strip().partition(":")
+    with caused_errors(f"{_EXPECTED}, not {text!r}", ParameterError, ValueError, form="{}"):
+        if rule in get_args(BreakRule):
+            return BreakChoice(rule, int(count) if ":" in text else None)  # type: ignore[arg-type]
+        return Breaks(tuple(float(part) for part in text.split(",")))

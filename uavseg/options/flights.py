@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from uavseg.options import texts
 from uavseg.options.option import Options, argument, group, option
-from uavseg.options.reading import AccessOptions
-from uavseg.options.running import OverwriteOptions, VerbosityOptions, output_option
+from uavseg.options.running import JobOptions, OverwriteOptions, output_option
 
 if TYPE_CHECKING:
     from uavseg.flight.camera.camera import Camera
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
 Home = tuple[float, ...] | Literal["auto"]
 Paths = str | os.PathLike[str] | Sequence[str | os.PathLike[str]] | None
 AUTOPILOTS = ("ardupilot", "px4", "generic")
+SEVERAL_PATHS: dict[str, Any] = {"multiple": True, "parse": texts.or_none, "metavar": "PATH", "basic": True}
+DEM: dict[str, Any] = {"multiple": True, "parse": texts.or_none, "metavar": "DEM.tif"}
 
 
 class FlightOptions(Options):
@@ -113,12 +114,12 @@ class PhotoOptions(Options):
     sensor: Sequence[float] | None = option(
         "In place of --camera: its sensor in millimetres.",
         metavar="WxH",
-        parse=texts.numbers("--sensor is WIDTHxHEIGHT, such as 13.2x8.8", 2, "x"),
+        parse=texts.numbers("--sensor is WIDTHxHEIGHT, such as 13.2x8.8", 2, separator="x"),
     )
     image: Sequence[float] | None = option(
         "With --sensor: the image in pixels.",
         metavar="WxH",
-        parse=texts.numbers("--image is WIDTHxHEIGHT, such as 13.2x8.8", 2, "x"),
+        parse=texts.numbers("--image is WIDTHxHEIGHT, such as 13.2x8.8", 2, separator="x"),
     )
     focal: float | None = option("With --sensor: the focal length.", metavar="MM")
     min_interval: float | None = option(
@@ -175,10 +176,8 @@ class TerrainOptions(Options):
     dem: Paths = option(
         "Fly --altitude above the ground of this elevation model, not above home; may be repeated, for a "
         "mosaic.",
-        metavar="DEM.tif",
-        multiple=True,
-        parse=texts.or_none,
         label="Elevation model",
+        **DEM,
     )
     terrain: str | None = option(
         "Heights above the sea or above home from --dem, with points added where the ground bends; frame: "
@@ -336,7 +335,7 @@ class MissionOptions(Options):
     files: MissionFileOptions = group(MissionFileOptions)
 
 
-class PlanOptions(Options):
+class PlanOptions(JobOptions):
     """Regions."""
 
     regions: str = argument("REGIONS", required=True)
@@ -384,5 +383,3 @@ class PlanOptions(Options):
         python=False,
     )
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace a mission that is there."})
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from uavseg.options import running, texts
 from uavseg.options.flights import AUTOPILOTS, Home
 from uavseg.options.option import Options, argument, group, option
-from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, AccessOptions, ReadOptions
+from uavseg.options.reading import MAP_STRETCH, ONLY_RASTERS, ReadOptions
 from uavseg.options.regions import DivisionOptions, RangeOptions
 from uavseg.options.running import StorageOptions, TiledJobOptions, VerbosityOptions, output_option
 
@@ -206,7 +206,7 @@ class NextViewOptions(TiledJobOptions):
     read: ReadOptions = group(ReadOptions, *ONLY_RASTERS, **MAP_STRETCH)
 
 
-class ExploreOptions(Options):
+class ExploreOptions(running.JobOptions):
     """Drive."""
 
     scene: str = argument("lens|circles|SCENE.json|MAP", required=True)
@@ -238,8 +238,6 @@ class ExploreOptions(Options):
     )
     seed: int = option("Of the noise; same seed, same drive.", default=0, minimum=0)
     files: running.OverwriteOptions = group(running.OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class BuildMapOptions(Options):
@@ -282,7 +280,7 @@ class BuildMapOptions(Options):
     messages: VerbosityOptions = group(VerbosityOptions)
 
 
-class MergeMapsOptions(Options):
+class MergeMapsOptions(running.JobOptions):
     """Merging."""
 
     maps: tuple[str, ...] = argument("MAP...", multiple=True, required=True)
@@ -295,11 +293,9 @@ class MergeMapsOptions(Options):
     mode: ModeOptions = group(ModeOptions, mode={"basic": True})
     creation: StorageOptions = group(StorageOptions)
     files: running.OverwriteOptions = group(running.OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
-class MaskOptions(Options):
+class MaskOptions(running.JobOptions):
     """Mask."""
 
     regions: str = argument("REGIONS", required=True)
@@ -312,8 +308,6 @@ class MaskOptions(Options):
     )
     layer: str | None = option("The layer of REGIONS, if the file has several.", metavar="NAME")
     files: running.OverwriteOptions = group(running.OverwriteOptions)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class SimulateOptions(Options):

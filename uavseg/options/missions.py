@@ -6,7 +6,7 @@ import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from uavseg.options import texts
+from uavseg.options import flights, running, texts
 from uavseg.options.flights import AUTOPILOTS, MissionFileOptions, Paths, SafetyOptions, TerrainOptions
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import AccessOptions
@@ -22,11 +22,9 @@ class PoseOptions(Options):
     dem: Paths = option(
         "Elevation model of the ground; may be repeated, for a mosaic.  [default: flat ground, at the height "
         "of takeoff]",
-        metavar="DEM.tif",
-        multiple=True,
-        parse=texts.or_none,
         basic=True,
         label="Elevation model",
+        **flights.DEM,
     )
     home: Sequence[float] | None = option(
         "Place of takeoff, and its metres above the sea: over an elevation model, heights are then those "
@@ -78,7 +76,7 @@ class GeoreferenceOptions(PhotographOptions):
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
 
 
-class CheckOptions(Options):
+class CheckOptions(running.JobOptions):
     """Check."""
 
     file: str = argument("FILE", required=True)
@@ -123,10 +121,7 @@ class CheckOptions(Options):
     photos: Paths = option(
         "Photographs that came back from the flight: files, folders, or with --camera its log (.bin, .ulg). "
         "What they do not show is found, on flat ground or that of --dem. May be repeated.",
-        metavar="PATH",
-        multiple=True,
-        parse=texts.or_none,
-        basic=True,
+        **flights.SEVERAL_PATHS,
     )
     gaps: str | None = option(
         "With --photos: write the gaps as regions, for the next flight with uavseg plan: .geojson, .gpkg, "
@@ -157,8 +152,6 @@ class CheckOptions(Options):
     )
     files: OverwriteOptions = group(OverwriteOptions, overwrite={"help": "Replace gaps that are there."})
     as_json: bool = option("Write JSON, for programs.", "--json", default=False, python=False, basic=True)
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class ResumeOptions(Options):

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from uavseg.options import texts
-from uavseg.options.flights import Paths
+from uavseg.options import running, texts
+from uavseg.options.flights import DEM, SEVERAL_PATHS, Paths
 from uavseg.options.option import Options, argument, group, option
 from uavseg.options.reading import ONLY_MAPS, RASTER_STRETCH, AccessOptions, RasterArguments, ReadOptions
 from uavseg.options.regions import DivisionOptions
-from uavseg.options.running import (
-    OverwriteOptions,
-    ProgressOptions,
-    RunOptions,
-    VerbosityOptions,
-    output_option,
-)
-
-MISSIONS: dict[str, Any] = {"multiple": True, "parse": texts.or_none, "metavar": "PATH", "basic": True}
+from uavseg.options.running import JobOptions, ProgressOptions, RunOptions, VerbosityOptions, output_option
 
 
-class PreviewOptions(Options):
+class PreviewOptions(JobOptions):
     """Picture."""
 
     rasters: tuple[str, ...] = argument(
@@ -28,7 +20,7 @@ class PreviewOptions(Options):
     )
     regions: Any = option("Regions to outline: a file that extract wrote.", metavar="PATH", basic=True)
     mission: Any = option(
-        "Mission to draw, in any format of uavseg plan. May be given several times.", **MISSIONS
+        "Mission to draw, in any format of uavseg plan. May be given several times.", **SEVERAL_PATHS
     )
     states: Any = option(
         "States in colour, segments outlined: what classify wrote.", metavar="PATH", basic=True
@@ -45,18 +37,14 @@ class PreviewOptions(Options):
     )
     dem: Any = option(
         "For missions without RASTER: the ground below them; may be repeated, for a mosaic.",
-        metavar="DEM.tif",
-        multiple=True,
-        parse=texts.or_none,
+        **DEM,
     )
     output: Any = output_option("The picture.  [default: STEM.preview.png]", "PATH", False, python=True)
     width: int = option("Width of the picture in pixels.", default=1400, basic=True)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", stretch={"default": "auto", "basic": False})
-    files: OverwriteOptions = group(
-        OverwriteOptions, overwrite={"python": True, "help": "Replace a picture that is there."}
+    files: running.OverwriteOptions = group(
+        running.OverwriteOptions, overwrite={"python": True, "help": "Replace a picture that is there."}
     )
-    messages: VerbosityOptions = group(VerbosityOptions)
-    access: AccessOptions = group(AccessOptions)
 
 
 class PictureOptions(Options):
@@ -73,7 +61,7 @@ class MapOptions(Options):
         "Regions to show: a file that extract wrote, or any polygons.", metavar="PATH", basic=True
     )
     mission: Any = option(
-        "Mission to show, in any format of uavseg plan. May be given several times.", **MISSIONS
+        "Mission to show, in any format of uavseg plan. May be given several times.", **SEVERAL_PATHS
     )
     camera: Any = option(
         "The camera of the missions, for the footprints of their photographs; uavseg cameras lists them.",
@@ -85,7 +73,7 @@ class MapOptions(Options):
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)
     run: RunOptions = group(RunOptions)
-    files: OverwriteOptions = group(OverwriteOptions, overwrite={"python": True})
+    files: running.OverwriteOptions = group(running.OverwriteOptions, overwrite={"python": True})
     messages: VerbosityOptions = group(VerbosityOptions)
     progress: ProgressOptions = group(ProgressOptions)
     access: AccessOptions = group(AccessOptions)
@@ -99,10 +87,7 @@ class ServeOptions(Options):
     photos: Paths = option(
         "Photographs that came back from a flight, files or folders: the page shows their footprints. May be "
         "repeated.",
-        metavar="PATH",
-        multiple=True,
-        parse=texts.or_none,
-        basic=True,
+        **SEVERAL_PATHS,
     )
     mission: Any = option(
         "With --photos: the mission that was flown. The page shows what they missed, as regions.",

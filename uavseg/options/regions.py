@@ -69,7 +69,7 @@ class DivisionOptions(Options):
         """Return how a source is segmented, checked."""
         from uavseg.segmentation.params.segment import SegmentParams
 
-        return SegmentParams.from_options(self.method, self.threshold, self.intensity_step, refine)
+        return SegmentParams(self.method, self.threshold, self.intensity_step, refine)  # type: ignore[arg-type]
 
 
 class SizeOptions(Options):

@@ -132,6 +132,13 @@ class OverwriteOptions(Options):
     overwrite: bool = option("Replace files that are there.", default=False, python=False, basic=True)
 
 
+class JobOptions(Options):
+    """What jobs have in common, listed after their own options."""
+
+    messages: VerbosityOptions = group(VerbosityOptions)
+    access: AccessOptions = group(AccessOptions)
+
+
 class TiledJobOptions(Options):
     """What jobs that work tile by tile have in common, listed after their own options."""
 

@@ -78,8 +78,8 @@ def several_ranges(given: tuple[str, ...]) -> Any:
     return list(given) if len(given) > 1 else range_named("--range")(given[0])
 
 
-def numbers(expected: str, count: int = 0, separator: str = ",") -> Callable[[str], tuple[float, ...]]:
-    """Return a parser of so many numbers, 0: they are counted where they are used.
+def numbers(expected: str, *counts: int, separator: str | None = ",") -> Callable[[str], tuple[float, ...]]:
+    """Return a parser of so many numbers; without counts they are counted where they are used.
 
     `expected` says what the option is.
     """
@@ -89,7 +89,7 @@ def numbers(expected: str, count: int = 0, separator: str = ",") -> Callable[[st
             result = tuple(float(part) for part in text.lower().split(separator))
         except ValueError:
             result = ()
-        if not result or (count and len(result) != count):
+        if not result or (counts and len(result) not in counts):
             raise ParameterError(f"{expected}, not {text!r}")
         return result
 
@@ -114,13 +114,8 @@ def home(text: str) -> tuple[float, ...] | Literal["auto"]:
     """Return LAT,LON or LAT,LON,M as numbers, or "auto"."""
     if text.strip().lower() == "auto":
         return "auto"
-    try:
-        result = tuple(float(part) for part in text.split("," if "," in text else None))
-    except ValueError:
-        result = ()
-    if len(result) not in (2, 3):
-        raise ParameterError(f"--home is LAT,LON or LAT,LON,M in degrees and metres, or auto, not {text!r}")
-    return result
+    expected = "--home is LAT,LON or LAT,LON,M in degrees and metres, or auto"
+    return numbers(expected, 2, 3, separator="," if "," in text else None)(text)
 
 
 def ids(text: str) -> list[int]:

@@ -8,6 +8,7 @@ half, the usual criterion of detection (Everingham et al., "The PASCAL Visual Ob
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +49,10 @@ class Weights:
         with np.errstate(over="ignore"):
             probability = 1 / (1 + np.exp(-(self.intercept + terms @ np.array(self.terms))))
         return np.asarray(np.round(probability, DECIMALS))
+
+    def of(self, terms: Callable[..., Floats], *given: Any) -> Floats:
+        """Return the probability of the terms that a function gives, such as `match_terms`."""
+        return self.probability(terms(*given))
 
 
 OF_RANGES = Weights(-15.444, (1.382, -1.979, 9.096, -4.936, 3.737, 13.387))
@@ -135,9 +140,20 @@ def texture_terms(outlined: RegionOutlines, parting: Parting, raster: Statistics
 
 
 def keep_confident(
-    outlined: RegionOutlines, confidence: Floats, minimum: float
+    outlined: RegionOutlines, confidence: Floats, minimum: float | None
 ) -> tuple[RegionOutlines, Bools]:
-    """Keep regions of a minimum confidence, in order, and number them 1..n; return which were kept, too."""
+    """Keep regions of a minimum confidence, in order, and number them 1..n; return which were kept, too.
+
+    The confidence, (n,), is 0 to 1, NaN where it is not known. ParameterError is raised if it is not, and
+    there is a minimum.
+    """
+    if minimum is None:
+        return outlined, np.ones(len(confidence), bool)
+    if np.isnan(confidence).any():
+        raise ParameterError(
+            "the confidence of these regions is not known, because they end at block edges; leave the "
+            "minimum confidence out"
+        )
     kept = np.asarray(confidence >= minimum)
     rings = outlined.rings
     return renumber_by_size(rings, outlined.sums, kept[rings.labels - 1]), kept
@@ -163,40 +179,6 @@ def none_confident(count: int, minimum: float | None) -> str:
     """Return the hint where all regions were left out because of their confidence."""
     regions = "the only region has" if count == 1 else f"all {count:,} regions have"
     return f"{regions} a confidence of less than {minimum:g}; a smaller minimum keeps more"
-
-
-@dataclass(frozen=True, eq=False)
-class Confidence:
-    """The confidence of regions, 0 to 1, NaN where it is not known, and the minimum that is asked for."""
-
-    values: Floats
-    minimum: float | None = None
-
-    @classmethod
-    def of(
-        cls, outlined: RegionOutlines, compute: Callable[[], Floats], refine: str, minimum: float | None
-    ) -> "Confidence":
-        """Compute the confidence of regions, unless they are not refined: then it is not known.
-
-        `compute` calls one of the functions above, such as `confidence_of`.
-        """
-        if refine == "none":
-            return cls(np.full(len(outlined.sums.counts), np.nan), minimum)
-        return cls(compute(), minimum)
-
-    def applied(self, outlined: RegionOutlines) -> tuple[RegionOutlines, Bools]:
-        """Return the regions of at least the minimum, numbered anew, and which were kept.
-
-        ParameterError is raised if their confidence is not known, and there is a minimum.
-        """
-        if self.minimum is None:
-            return outlined, np.ones(len(self.values), bool)
-        if np.isnan(self.values).any():
-            raise ParameterError(
-                "the confidence of these regions is not known, because they end at block edges; leave the "
-                "minimum confidence out"
-            )
-        return keep_confident(outlined, self.values, self.minimum)
 
 
 def _steps(sums: Sums) -> Floats:

@@ -4,7 +4,7 @@ import pytest
 
 from uavseg.errors import ParameterError
 from uavseg.flight.link.transport import parse_address
-from uavseg.jobs.flights.link import LinkRequest
+from uavseg.jobs.flights.link import download
 
 
 @pytest.mark.parametrize(
@@ -36,10 +36,10 @@ def test_an_address_names_a_place_and_a_port_or_a_speed(text: str, place: str, n
 )
 def test_what_is_no_address_is_refused_with_the_forms(text: str) -> None:
     with pytest.raises(ParameterError, match=r"udpout:HOST:PORT, .* not '"):
-        LinkRequest(text)
+        download(text)
 
 
-@pytest.mark.parametrize("timeout_s", [0.0, -1.0, 601.0, float("nan")])
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, 601.0, *map(float, ("nan", "inf", "-inf"))])
 def test_a_timeout_is_positive_and_bounded(timeout_s: float) -> None:
     with pytest.raises(ParameterError, match="timeout"):
-        LinkRequest("udpout:a:1", timeout_s)
+        download("udpout:a:1", timeout_s)

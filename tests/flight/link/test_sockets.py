@@ -27,7 +27,7 @@ from uavseg.errors import LinkError
 from uavseg.flight.link import link
 from uavseg.flight.link.messages import LinkItem, items_of_fence, items_of_mission, items_of_rally
 from uavseg.flight.mission.mission import Mission
-from uavseg.jobs.flights.link import LinkRequest, download, upload
+from uavseg.jobs.flights.link import download, upload
 
 pytestmark = pytest.mark.slow
 
@@ -62,7 +62,7 @@ def assert_alike(found: Sequence[LinkItem], expected: Sequence[LinkItem]) -> Non
 
 def sent_and_read(mission: Mission, address: str, taken: list[Any]) -> None:
     """Upload, compare what MAVSDK took in, download, compare with the mission."""
-    done = upload(mission, LinkRequest(address))
+    done = upload(mission, address)
     assert done.vehicle == "autopilot 0, system 1"
     assert done.warnings == mission.warnings
     lists = [items_of_fence(mission.fence), items_of_rally(mission.rally), items_of_mission(mission, False)]
@@ -70,7 +70,7 @@ def sent_and_read(mission: Mission, address: str, taken: list[Any]) -> None:
     wait_until(lambda: len(taken) >= len(lists))  # MAVSDK tells of a list after it has acknowledged it
     for items in lists:
         assert_alike(as_link_items(next(one for one in taken if len(one) == len(items))), items)
-    found = download(LinkRequest(address)).mission
+    found = download(address).mission
     assert found.fence == mission.fence and found.rally == mission.rally
     assert_alike(items_of_mission(found, False), items_of_mission(mission, False))
 
@@ -98,7 +98,7 @@ def test_mavsdk_takes_all_items_whatever_is_lost(loss: float, count: int) -> Non
         lossy_proxy(port, loss, loss, loss, seed=5) as address,
     ):
         mission = survey(count)
-        upload(mission, LinkRequest(address, 60.0))  # which reads back
+        upload(mission, address, 60.0)  # which reads back
         wait_until(lambda: bool(taken))
         assert_alike(as_link_items(taken[-1]), items_of_mission(mission, False))
 
@@ -115,7 +115,7 @@ def test_every_kind_of_address_reaches_a_vehicle(kind: str) -> None:
     ground = free_port() if kind == "udpin" else None
     with tcp_vehicle(vehicle) if kind == "tcp" else udp_vehicle(vehicle, ground) as address:
         assert address.startswith(kind)
-        done = upload(mission, LinkRequest(address))
+        done = upload(mission, address)
         assert done.vehicle == "ArduPilot, system 1"
     assert [len(vehicle.stored[n]) for n in range(3)] == [13, 8, 2]
 
@@ -125,18 +125,18 @@ def test_every_kind_of_address_reaches_a_vehicle(kind: str) -> None:
 
 def test_an_address_where_nothing_listens_says_so() -> None:
     with pytest.raises(LinkError, match=r"answers at udpout:.* within 0\.5 s \(connection refused\)"):
-        download(LinkRequest(f"udpout:{LOOPBACK}:{free_port()}", 0.5))
+        download(f"udpout:{LOOPBACK}:{free_port()}", 0.5)
     with pytest.raises(LinkError, match=r"cannot open tcp:.*: connection refused"):
-        download(LinkRequest(f"tcp:{LOOPBACK}:{free_port(socket.SOCK_STREAM)}", 0.5))
+        download(f"tcp:{LOOPBACK}:{free_port(socket.SOCK_STREAM)}", 0.5)
     with pytest.raises(LinkError, match=r"no vehicle answers at udpin:.*: nothing arrives"):
-        download(LinkRequest(f"udpin:{LOOPBACK}:{free_port()}", 0.5))
+        download(f"udpin:{LOOPBACK}:{free_port()}", 0.5)
 
 
 def test_a_port_that_is_taken_says_so() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind((LOOPBACK, 0))
         with pytest.raises(LinkError, match=r"cannot open udpin:.*: address already in use"):
-            download(LinkRequest(f"udpin:{LOOPBACK}:{taken.getsockname()[1]}", 0.5))
+            download(f"udpin:{LOOPBACK}:{taken.getsockname()[1]}", 0.5)
 
 
 def test_a_host_that_is_not_known_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -145,14 +145,14 @@ def test_a_host_that_is_not_known_says_so(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(socket, "getaddrinfo", fail)
     with pytest.raises(LinkError, match=r"the host 'drone\.invalid' is not known"):
-        download(LinkRequest("udpout:drone.invalid:14550", 0.5))
+        download("udpout:drone.invalid:14550", 0.5)
 
 
 def test_a_resolver_that_hangs_does_not_hold_up(monkeypatch: pytest.MonkeyPatch) -> None:
     waiting = threading.Event()
     monkeypatch.setattr(socket, "getaddrinfo", lambda *how, **words: [][: waiting.wait(20)])
     with pytest.raises(LinkError, match=r"'slow\.invalid' is not known \(no answer within 0\.2 s\)"):
-        download(LinkRequest("tcp:slow.invalid:5760", 0.2))
+        download("tcp:slow.invalid:5760", 0.2)
     waiting.set()
 
 
@@ -161,7 +161,7 @@ def test_a_host_that_takes_a_connection_and_says_nothing_is_no_vehicle() -> None
         server.bind((LOOPBACK, 0))
         server.listen()
         with pytest.raises(LinkError, match="nothing arrives"):
-            download(LinkRequest(f"tcp:{LOOPBACK}:{server.getsockname()[1]}", 0.5))
+            download(f"tcp:{LOOPBACK}:{server.getsockname()[1]}", 0.5)
 
 
 @pytest.mark.parametrize(
@@ -179,7 +179,7 @@ def test_what_is_not_mavlink_is_no_vehicle(content: bytes) -> None:
                 return
 
         with running(turn), pytest.raises(LinkError, match="no vehicle answers"):
-            download(LinkRequest(f"udpout:{LOOPBACK}:{server.getsockname()[1]}", 0.5))
+            download(f"udpout:{LOOPBACK}:{server.getsockname()[1]}", 0.5)
 
 
 def test_a_connection_that_closes_during_an_upload_says_so() -> None:
@@ -187,12 +187,12 @@ def test_a_connection_that_closes_during_an_upload_says_so() -> None:
         tcp_vehicle(Px4(), closes_after=5) as address,
         pytest.raises(LinkError, match=r"the connection to tcp:.* (was closed by the other side|is lost)"),
     ):
-        upload(survey(100, "px4"), LinkRequest(address))
+        upload(survey(100, "px4"), address)
 
 
 def test_a_serial_device_that_is_not_there_says_so() -> None:
     with pytest.raises(LinkError, match=r"cannot open serial:/dev/none:57600|serial lines need pyserial"):
-        download(LinkRequest("serial:/dev/none", 0.5))
+        download("serial:/dev/none", 0.5)
 
 
 def test_a_vehicle_on_a_serial_line_is_reached() -> None:
@@ -215,7 +215,7 @@ def test_a_vehicle_on_a_serial_line_is_reached() -> None:
             os.write(controller, data)
 
     with running(turn):
-        upload(survey(40), LinkRequest(f"serial:{os.ttyname(device)}:57600"))
+        upload(survey(40), f"serial:{os.ttyname(device)}:57600")
     os.close(controller)
     os.close(device)
     assert len(vehicle.stored[0]) == 41
@@ -234,5 +234,5 @@ def test_an_interruption_ends_a_wait(when: float) -> None:
         presser = threading.Thread(target=press, daemon=True)
         with pytest.raises(KeyboardInterrupt):
             presser.start()
-            upload(survey(), LinkRequest(address, 600.0))
+            upload(survey(), address, 600.0)
         presser.join()

@@ -40,7 +40,7 @@ def test_a_path_from_a_file_lies_where_the_planned_path_lies(box: GeoBox, tmp_pa
 
 @pytest.mark.parametrize("box", [BOX, LOCAL], ids=["on the globe", "local"])
 def test_views_lie_where_their_ways_end(box: GeoBox, tmp_path: Path) -> None:
-    from uavseg.jobs.maps.next_view import NextViews, View
+    from uavseg.jobs.maps.explore import NextViews, View
 
     way = planned_path(box)
     place = (float(way.xy[-1, 0]), float(way.xy[-1, 1]))

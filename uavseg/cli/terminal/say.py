@@ -209,6 +209,10 @@ class Reporter:
         for name, value in {**(rows or {}), **more}.items():
             self.say(f"  {name:<12}{value}")
 
+    def timed_table(self, rows: dict[str, str] | None = None, /, **more: str) -> None:
+        """Print the table with the seconds of the command below."""
+        self.table(rows, **more, seconds=f"{self.seconds:.2f}")
+
     def detail(self, text: str) -> None:
         """Print a line where the command is verbose."""
         if self.verbose and not self.quiet:

@@ -1,4 +1,9 @@
-"""Upload of a mission to a vehicle, and download of the one that it holds."""
+"""Upload of a mission to a vehicle, and download of the one that it holds.
+
+An address is udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]; `timeout_s` says how
+many seconds to wait for an answer, and without progress. Another address, or a time not above 0 and at most
+600 s, is refused with ParameterError.
+"""
 
 import os
 from collections.abc import Iterator
@@ -17,25 +22,6 @@ MAX_TIMEOUT_S = 600.0
 UPLOADABLE = (".plan", ".waypoints")
 
 
-@dataclass(frozen=True, slots=True)
-class LinkRequest:
-    """Which vehicle, at an address, and how many seconds to wait for an answer, and without progress.
-
-    An address is udpout:HOST:PORT, udpin:HOST:PORT, tcp:HOST:PORT or serial:DEVICE[:BAUD]. Another one, or a
-    time not above 0 and at most 600 s, is refused with ParameterError.
-    """
-
-    connect: str
-    timeout_s: float = TIMEOUT_S
-
-    def __post_init__(self) -> None:
-        parse_address(self.connect)
-        if not 0 < self.timeout_s <= MAX_TIMEOUT_S:
-            raise ParameterError(
-                f"the timeout is above 0 and at most {MAX_TIMEOUT_S:g} s, not {self.timeout_s:g}"
-            )
-
-
 @dataclass(frozen=True)
 class Transferred:
     """A mission that a vehicle holds, as reading it, or reading it back, has shown.
@@ -51,7 +37,8 @@ class Transferred:
 
 def upload(
     source: str | os.PathLike[str] | Mission,
-    request: LinkRequest,
+    address: str,
+    timeout_s: float = TIMEOUT_S,
     progress: Progress | None = None,
     while_armed: bool = False,
 ) -> Transferred:
@@ -63,19 +50,26 @@ def upload(
     mission, which could then not be read back; a LinkError that it is armed, cannot be reached, refuses,
     falls silent, or is not alone on the link.
     """
+    _check(address, timeout_s)
     mission = source if isinstance(source, Mission) else _read_uploadable(source)
-    with _connected(request) as link:
+    with _connected(address, timeout_s) as link:
         with phase("upload and comparison"):
             found = upload_mission(link, mission, progress, while_armed)
         return Transferred(mission, str(link.vehicle), (*mission.warnings, *found))
 
 
+def _check(address: str, timeout_s: float) -> None:
+    parse_address(address)
+    if not 0 < timeout_s <= MAX_TIMEOUT_S:
+        raise ParameterError(f"the timeout is above 0 and at most {MAX_TIMEOUT_S:g} s, not {timeout_s:g}")
+
+
 @contextmanager
-def _connected(request: LinkRequest) -> Iterator[Link]:
+def _connected(address: str, timeout_s: float) -> Iterator[Link]:
     with ExitStack() as closing:
         with phase("connection"):
-            link = closing.enter_context(connect(request.connect, request.timeout_s))
-        decided("%s at %s", link.vehicle, request.connect)
+            link = closing.enter_context(connect(address, timeout_s))
+        decided("%s at %s", link.vehicle, address)
         yield link
 
 
@@ -89,13 +83,14 @@ def _read_uploadable(source: str | os.PathLike[str]) -> Mission:
     return read_mission(source)
 
 
-def download(request: LinkRequest, progress: Progress | None = None) -> Transferred:
+def download(address: str, timeout_s: float = TIMEOUT_S, progress: Progress | None = None) -> Transferred:
     """Read the mission of a vehicle, with its fence and rally points.
 
     A MissionError says that the vehicle holds no mission, or one that would not be safe, a LinkError that it
     cannot be reached, refuses, falls silent, or is not alone on the link.
     """
-    with _connected(request) as link:
+    _check(address, timeout_s)
+    with _connected(address, timeout_s) as link:
         with phase("download"):
             found = download_mission(link, progress)
         return Transferred(found, str(link.vehicle), found.warnings)

@@ -127,7 +127,7 @@ def _loaded(name: str) -> tuple[str, str]:
     version = _version_of(name)
     try:
         module = importlib.import_module(name)
-        inside = [f"{label} {_dotted(getattr(module, one))}" for label, one in _INSIDE.get(name, {}).items()]
+        inside = [f"{label} {getattr(module, one)}" for label, one in _INSIDE.get(name, {}).items()]
     except Exception as error:  # a damaged library raises anything, and that is what is looked for
         return version or "missing", cause_of(error)
     return f"{version or 'unknown version'}{', with ' if inside else ''}{', '.join(inside)}", ""
@@ -135,14 +135,10 @@ def _loaded(name: str) -> tuple[str, str]:
 
 _INSIDE = {
     "rasterio": {"GDAL": "__gdal_version__", "PROJ": "__proj_version__", "GEOS": "__geos_version__"},
-    "pyogrio": {"GDAL": "__gdal_version__"},
+    "pyogrio": {"GDAL": "__gdal_version_string__"},
     "pyproj": {"PROJ": "proj_version_str"},
-    "shapely": {"GEOS": "geos_version"},
+    "shapely": {"GEOS": "geos_version_string"},
 }
-
-
-def _dotted(version: str | tuple[int, ...]) -> str:
-    return version if isinstance(version, str) else ".".join(map(str, version))
 
 
 def _version_of(name: str) -> str:

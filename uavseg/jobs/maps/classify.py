@@ -152,10 +152,11 @@ def classify(
         outlined = drop_small_regions(outlined, source.geobox, request.min_area)
         bounds = _bounds(outlined.rings, source.geobox)
         ends = request.limits.occupied_above, 1.0
-        found = results.measured(outlined, info, ends, request.drawing, bounds)
+        drawn = RegionRequest(drawing=request.drawing, min_area=request.min_area)
+        found = results.measured(outlined, info, ends, drawn, bounds)
         how = {"free_below": request.limits.free_below, "occupied_above": request.limits.occupied_above}
         how |= results.segment_facts(request.segment) | {"refine": request.refine}
-        how |= results.drawing_facts(RegionRequest(drawing=request.drawing, min_area=request.min_area))
+        how |= results.drawing_facts(drawn)
         objects = results.with_metadata(found, source, "classify", how)
     doubtful = ("occupied_in_free", "occupied_by_value", "unknown_in_free")
     classification = Classification(

@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 from affine import Affine
-from numpy.typing import NDArray
 
 from uavseg._version import __version__
 from uavseg.arrays import GeoDataFrame, Integers, Uint8s
@@ -51,7 +50,7 @@ from uavseg.units import CELL
 
 Source = Raster | ProbabilityMap
 Kinds = Sequence[tuple[str, str]]  # of changes, each with its colour
-Side = tuple[Dataset, Rasteriser, NDArray[np.uint8]]  # a raster, its regions, the class of each by label
+Side = tuple[Dataset, Rasteriser, Uint8s]  # a raster, its regions, the class of each by label
 
 MAX_CLASSES = 15  # the changes from one to another are counted in a byte
 _GAINED, _LOST, _OTHER, _FADED = "#1a9850", "#d73027", "#e6ab02", "#7f7f7f"

@@ -1,6 +1,7 @@
 """Path planning job: the shortest path between two positions in one region of a map."""
 
 import time
+from dataclasses import replace
 
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
@@ -37,8 +38,8 @@ def path_request(options: PathOptions) -> PathRequest:
         refine = "scan" if segment.method == "paper" else "pixels"
     if refine not in ("pixels", "scan"):
         raise ParameterError(f"regions of a path are refined by pixels or scan, not {refine}")
-    segment = SegmentParams.from_options(segment.method, segment.threshold, segment.intensity_step, refine)
-    return PathRequest(interval, start=options.start, goal=options.goal, params=params, segment=segment)
+    segment = replace(segment, refine=refine)  # type: ignore[arg-type]
+    return PathRequest(interval, options.start, options.goal, params, segment)
 
 
 @dataclass(frozen=True)

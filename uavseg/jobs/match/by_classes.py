@@ -21,7 +21,7 @@ from uavseg.jobs.source.open_source import raster_of
 from uavseg.jobs.source.source import Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import OF_CLASSES, Confidence, check_minimum, class_terms, none_confident
+from uavseg.regions.confidence import OF_CLASSES, check_minimum, class_terms, none_confident
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.sample.place import SampleMask, class_masks
@@ -82,12 +82,9 @@ def match_classes(source: Source, request: MatchClassesRequest, work: Work = SER
     kind = classes.at(outlined.sums.firsts) - 1
     columns = {"class": np.array(list(places), object)[kind]}
     hints += [f"no region is of {name}" for n, name in enumerate(places) if not (kind == n).any()]
-    terms = partial(class_terms, outlined, *alike(likenesses, kind), grey.statistics)
-    confidence = Confidence.of(
-        outlined, lambda: OF_CLASSES.probability(terms()), request.refine, request.min_confidence
-    )
-    info, drawing = SourceInfo.of(grey), request.drawing
-    result = results.measured(outlined, info, (0.0, 1.0), drawing, columns, confidence=confidence)
+    sure = partial(OF_CLASSES.of, class_terms, outlined, *alike(likenesses, kind), grey.statistics)
+    info = SourceInfo.of(grey)
+    result = results.measured(outlined, info, (0.0, 1.0), request, columns, sure, request.refine)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
     compared = request.bands or ("all" if raster.all_bands else None)

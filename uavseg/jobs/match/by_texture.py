@@ -13,7 +13,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from uavseg.arrays import Bools, Integers, Uint8s
 from uavseg.dataclass import dataclass
@@ -22,7 +21,7 @@ from uavseg.jobs.match.request import MatchRequest
 from uavseg.jobs.result.result import Extraction, SourceInfo, filled, measured
 from uavseg.jobs.source.source import detail_of
 from uavseg.raster.grid.tiling import TilePass, Window, whole_blocks
-from uavseg.regions.confidence import OF_TEXTURES, Confidence, Parting, texture_terms
+from uavseg.regions.confidence import OF_TEXTURES, Parting, texture_terms
 from uavseg.regions.edit.small import Area, drop_small_regions
 from uavseg.regions.outline.rings import EdgeTable, RegionOutlines, Rings, edge_tables
 from uavseg.regions.outline.stitch import TileOutlines, TileStitcher, outline_tile
@@ -58,7 +57,7 @@ Passes = Sequence[TilePass]
 
 _PIECE = Area(CELL * CELL, in_pixels=True)
 # A tile, its cells with those around it, and the edges of the regions that matches are clipped to, if any.
-_MatchJob = tuple[Window, NDArray[np.uint8], EdgeTable | None]
+_MatchJob = tuple[Window, Uint8s, EdgeTable | None]
 
 
 @dataclass(frozen=True)
@@ -172,11 +171,9 @@ def _measured(
     outlined = drop_small_regions(outlined, grey.dataset.geobox, request.min_area)
     bounds = sample.bounds(request.intensity)
     interval = bounds.low / GREY_MAX, bounds.high / GREY_MAX
-    how = request.refine, request.min_confidence
-    terms = partial(texture_terms, outlined, raster=grey.statistics)
-    confidence = Confidence.of(outlined, lambda: OF_TEXTURES.probability(terms(parting_of(search))), *how)
+    sure = partial(OF_TEXTURES.of, lambda: texture_terms(outlined, parting_of(search), grey.statistics))
     more = {"similarity": sample.similarity(mean_scores(outlined, scores.best, tiles))}
-    return measured(outlined, SourceInfo.of(grey), interval, request.drawing, more, confidence=confidence)
+    return measured(outlined, SourceInfo.of(grey), interval, request, more, sure, request.refine)
 
 
 def parting_of(search: TextureSearch) -> Parting:

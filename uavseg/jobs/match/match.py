@@ -7,6 +7,7 @@ texture alone, see `by_texture`: where color hardly parts the sample from the ra
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from uavseg.jobs.source.source import Raster, Source, detail_of
 from uavseg.jobs.source.work import SERIAL, Work
 from uavseg.plain_text import shown
 from uavseg.raster.grid.tiling import TilePass
-from uavseg.regions.confidence import OF_MATCHES, Confidence, match_terms, none_confident
+from uavseg.regions.confidence import OF_MATCHES, match_terms, none_confident
 from uavseg.regions.edit.small import drop_small_regions
 from uavseg.regions.outline.rings import Rasteriser, RegionOutlines, renumber_by_size
 from uavseg.regions.sample.place import Disc, SampleMask, sample_mask
@@ -286,16 +287,11 @@ def regions_by_color(
     shares = similarity_of(outlined, like.table.sample_mean)
     own, statistics = like.table.sample_mean, with_statistics(grey, tiles).statistics
     parting = own - like.table.raster_mean
-    confidence = Confidence.of(
-        outlined,
-        lambda: OF_MATCHES.probability(match_terms(outlined, shares, own, parting, statistics)),
-        request.refine,
-        request.min_confidence,
-    )
+    sure = partial(OF_MATCHES.of, match_terms, outlined, shares, own, parting, statistics)
     with phase("attributes and drawing"):
         outlined, info = replace(outlined, sums=sum_regions(grey, outlined, tiles)), SourceInfo.of(grey)
         more = {"similarity": shares}
-        return results.measured(outlined, info, (0.0, 1.0), request.drawing, more, confidence=confidence)
+        return results.measured(outlined, info, (0.0, 1.0), request, more, sure, request.refine)
 
 
 def similarity_of(outlined: RegionOutlines, own: float) -> Floats:

@@ -7,7 +7,7 @@ is no time in it.
 import importlib.util
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from uavseg.raster.intensity.value_range import DetectedRange, axis_of, scale_of
 from uavseg.raster.read.dataset import Dataset
 from uavseg.raster.spectral.band_names import names_of
 from uavseg.raster.spectral.bands import BandScale, ValueAxis
-from uavseg.regions.confidence import COLUMN, Confidence
+from uavseg.regions.confidence import COLUMN, keep_confident
 from uavseg.regions.edit.small import Area, fill_small_holes, simplify
 from uavseg.regions.outline.rings import RegionOutlines, Rings
 from uavseg.regions.shapes import LazyPolygons
@@ -170,31 +170,34 @@ def measured(
     outlined: RegionOutlines,
     info: SourceInfo,
     interval: tuple[ArrayLike, ArrayLike],
-    drawing: Drawing = Drawing(),
+    request: RegionRequest,
     more: Mapping[str, NDArray[Any]] = {},
+    confidence: Callable[[], Floats] | None = None,
+    refine: str = "",
     detected: DetectedRange | None = None,
-    confidence: Confidence | None = None,
 ) -> Extraction:
     """Return regions with their attributes.
 
     `interval` is the low and high v of all regions, or of each, (n,), and `detected` the range that was asked
     for, in both units; by default its values follow from the interval. Columns of `more` come after the id,
-    then the confidence, if any; regions of less than its minimum are left out, and one that is not known is
-    refused with a ParameterError.
+    then the confidence, if any, (n,), 0 to 1, which is computed unless `refine` is "none": then it is not
+    known, NaN. Regions of less than the minimum of the request are left out, and a confidence that is not
+    known and has a minimum is refused with a ParameterError.
     """
     below_minimum = None
     if confidence is not None:
-        outlined, kept = confidence.applied(outlined)
-        more = {name: column[kept] for name, column in more.items()} | {COLUMN: confidence.values[kept]}
+        sure = np.full(len(outlined.sums.counts), np.nan) if refine == "none" else confidence()
+        outlined, kept = keep_confident(outlined, sure, request.min_confidence)
+        more = {name: column[kept] for name, column in more.items()} | {COLUMN: sure[kept]}
         low, high = (end if np.ndim(end) == 0 else np.asarray(end)[kept] for end in interval)
         interval = low, high
-        below_minimum = None if confidence.minimum is None else int(np.count_nonzero(~kept))
+        below_minimum = None if request.min_confidence is None else int(np.count_nonzero(~kept))
     rings, sums = outlined.rings, outlined.sums
     pixels = np.bincount(rings.labels, rings.pixel_areas(), len(sums.counts) + 1)[1:].astype(np.int64)
     regions = make_regions(rings, sums, info.geobox, interval, info.name, pixels)
     regions = with_values(regions, sums, info.axis, None if detected is None else detected.ends)
     columns = {"id": regions.columns["id"], **more} | regions.columns
-    regions, irregular = drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
+    regions, irregular = request.drawing.drawn(replace(regions, columns=columns), rings, info.geobox)
     about = {one.name: getattr(info, one.name) for one in fields(info)} | {"irregular": irregular}
     return Extraction(**about, regions=regions, rings=rings, detected=detected, below_minimum=below_minimum)
 

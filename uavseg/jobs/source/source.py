@@ -256,11 +256,6 @@ class Blocks:
         """Name of the first file of that raster, without folder."""
         return self.saved.origin.rasters[0].rsplit("/", 1)[-1]
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What the user should know of it: the block map says nothing of its raster's files."""
-        return ()
-
     def grey(self, raster: Pixels, tile_pass: TilePass) -> GreySource:
         """Return the pixels of its raster, as it was made from them."""
         assert isinstance(raster.stretch, Stretch), "that of the block map, or of a map of probabilities"

@@ -1,13 +1,13 @@
 """How a job is run: tiles, executor, checkpoint, progress and unreadable blocks as one value."""
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from uavseg.dataclass import dataclass
-from uavseg.execution.executors import Map, Progress, decided, serial, threads as thread_pool, usable_cores
+from uavseg.execution.executors import Map, Progress, decided, serial
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.raster.read.bad_blocks import BadBlock, bad_block_warnings, recording_bad_blocks, with_bad_blocks
 from uavseg.segmentation.blocks.block_map import check_memory
@@ -34,22 +34,6 @@ class Work:
     resumed: Callable[[str, int, int], object] | None = None  # called with (stage, done, total)
     started: Callable[[Sequence[Window]], object] | None = None  # called when the tiles of a source are known
     bad_blocks: set[BadBlock] = field(default_factory=set, repr=False, compare=False)
-
-    @classmethod
-    def by_threads(
-        cls,
-        threads: int | None,
-        tile: int | None = None,
-        progress: Progress | None = None,
-        resume: str | os.PathLike[str] | None = None,
-    ) -> "Work":
-        """Run work by threads of this process, with finished tiles kept in a folder if one is given.
-
-        ParameterError is raised if the number of threads is below 1.
-        """
-        run = thread_pool(threads)
-        decided("%d threads", threads or usable_cores())
-        return cls(tile, run, run, progress, resume)
 
     def begun(self) -> "Work":
         """Return the work of one job, with a set of unreadable blocks of its own."""
@@ -84,11 +68,9 @@ class Work:
             run = with_checkpoint(run, self.checkpoint, self.resumed)
         return with_bad_blocks(run, self.bad_blocks)
 
-    @contextmanager
-    def reading_here(self) -> Iterator[None]:
-        """Enter a block in which this thread reads; it collects unreadable blocks too."""
-        with recording_bad_blocks(self.bad_blocks):
-            yield
+    def reading_here(self) -> AbstractContextManager[None]:
+        """Return a context in which this thread reads; it collects unreadable blocks too."""
+        return recording_bad_blocks(self.bad_blocks)
 
     @property
     def bad_block_warnings(self) -> tuple[str, ...]:

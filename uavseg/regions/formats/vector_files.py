@@ -11,7 +11,7 @@ import os
 import re
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -98,11 +98,9 @@ def vector_format(path: Path_) -> str | None:
     return _format_of(read_start(path, 1 << 16, RegionError))
 
 
-@contextmanager
-def reading_vectors() -> Iterator[None]:
-    """Enter a context in which GDAL reads vectors without requests or code from databases."""
-    with gdal_options({} if current_policy().allow_network else _OPTIONS):
-        yield
+def reading_vectors() -> AbstractContextManager[None]:
+    """Return a context in which GDAL reads vectors without requests or code from databases."""
+    return gdal_options({} if current_policy().allow_network else _OPTIONS)
 
 
 def _format_of(start: bytes) -> str | None:

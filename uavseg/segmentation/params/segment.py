@@ -56,13 +56,6 @@ class SegmentParams:
         if not 0 <= self.intensity_step <= 1:
             raise ParameterError(f"an intensity step lies in 0..1, not {self.intensity_step:g}")
 
-    @classmethod
-    def from_options(
-        cls, method: str, threshold: float, intensity_step: float, refine: str | None = None
-    ) -> "SegmentParams":
-        """Return the parameters that options of any text give, or refuse them with ParameterError."""
-        return cls(method, threshold, intensity_step, refine)  # type: ignore[arg-type]
-
     @property
     def decides_pixels(self) -> bool:
         """Whether grey, denoised or not, decides each pixel, and no leaf does."""
