@@ -56,24 +56,26 @@ def join_at_corners(outlined: RegionOutlines, classes: Integers) -> tuple[Region
     No two regions of one class share an edge; `classes`, (n,) int64 from 0, are those of the regions. The
     polygons stay as they are: a joined region has several, which touch at points.
     """
-    rings, sums = outlined.rings, outlined.sums
+    rings = outlined.rings
     if not len(classes):
         return outlined, classes
-    owners = np.repeat(rings.labels - 1, np.diff(rings.starts))
-    row, col = rings.vertices.T.astype(np.int64)
-    corners = row * (int(col.max()) + 1) + col
-    keys = corners * (int(classes.max()) + 1) + classes[owners]
-    order = np.argsort(keys)
-    met = keys[order][1:] == keys[order][:-1]
-    one, other = owners[order][:-1][met], owners[order][1:][met]  # the same where a region touches itself
-    if (one == other).all():
+    corners = rings.vertices[:, 0].astype(np.int64) * (int(rings.vertices[:, 1].max()) + 1)
+    corners += rings.vertices[:, 1]
+    firsts = corners[rings.starts[:-1][rings.exteriors]]  # of each polygon
+    corners *= int(classes.max()) + 1
+    corners += np.repeat(classes[rings.labels - 1], np.diff(rings.starts))
+    keys = np.sort(corners)
+    keys = keys[1:][keys[1:] == keys[:-1]]
+    shared = np.flatnonzero(np.append(keys, -1)[np.searchsorted(keys, corners)] == corners)
+    owners = rings.labels[np.searchsorted(rings.starts, shared, "right") - 1] - 1
+    pairs = owners[np.argsort(corners[shared])].reshape(-1, 2)  # equal where a region touches itself
+    if (pairs[:, 0] == pairs[:, 1]).all():
         return outlined, classes
-    names, group = np.unique(union_roots(np.stack([one, other], 1), len(classes)), return_inverse=True)
-    sums = merge_sums(sums, group, len(names))
+    names, group = np.unique(union_roots(pairs, len(classes)), return_inverse=True)
+    sums = merge_sums(outlined.sums, group, len(names))
     pixels = np.bincount(group[rings.labels - 1], rings.pixel_areas())
     largest = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
     labels = np.argsort(largest)[group][rings.labels - 1] + 1
-    firsts = corners[rings.starts[:-1][rings.exteriors]]  # of each polygon
     order = np.lexsort((firsts[rings.parts], labels))
     vertices, starts = reorder_rings(rings.vertices, rings.starts, order)
     joined = Rings(
