@@ -89,7 +89,7 @@ def test_classes_and_levels_are_joined_within_themselves(
 def test_segments_that_touch_once_small_ones_are_merged_are_joined() -> None:
     """The single pixel becomes part of what is nearest to it, which then touches the lower right."""
     text = "aaabb aaabb aasba bbbaa bbbaa"
-    values = {"a": 51, "s": 90, "b": 230}
+    values = {"a": 51, "s": 90, "b": 220}
     image = np.array([[values[c] for c in row] for row in text.split()], np.uint8)
     found = answer(uavseg.levels, image, 0.3, refine="pixels", min_area="2px", connectivity=8)
     assert found["pixels"].tolist() == [14, 11] and found["level"].tolist() == [0, 2]
