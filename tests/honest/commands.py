@@ -31,6 +31,8 @@ LINES = (
     "extract {} --range 0.4,1 -o r.gpkg --smooth-outline 0.3 --simplify 0.3",
     "extract {} --range 0.4,1 -o r.gpkg --regularize 3",
     "levels {} --width 0.2 -o r.gpkg --regularize 3",
+    "extract {} --range 0.4,1 -o r.gpkg --refine pixels --connectivity 8",
+    "levels {} --width 0.2 -o r.geojson --connectivity 8 --min-area 4px",
     "extract {} --range 0.4,1 -o r.gpkg --thin-lines",
     "extract {} --range 0.4,1 -o r.gpkg --detail 5px",
     "extract {} --range 0.4,1 -o r.gpkg --flatten 60px",

@@ -32,6 +32,8 @@ LINES = tuple(
         f"extract x.tif --range 0.5,1 -o out.shp --smooth-outline 0.4 --band 1 --nodata 0 --stretch 0,255 {RUN}",
         f"extract x.tif --range 0.5,1 -o out.gpkg --regularize 3 --simplify 1 {RUN}",
         f"levels x.tif --width 0.3 -o out.geojson --regularize 2 {RUN}",
+        f"extract x.tif --range 0.5,1 -o out.gpkg --connectivity 8 --refine pixels --min-area 3px {RUN}",
+        f"levels x.tif --width 0.3 -o out.kml --connectivity 8 --min-area 3px {RUN}",
         f"extract x.tif --range 0.5,1 -o out.geojson --expr b1/2+sqrt(b1) --band-names b1 {RUN}",
         f"extract rgb.tif --range 0.5,1 -o out.geojson --index ngrdi --band-names red,green,blue {RUN}",
         f"extract x.tif --range 0.5,1 -o out.kml --labels out.vrt --refine tv --resume done {RUN}",

@@ -205,6 +205,7 @@ def test_no_region_is_an_empty_file_and_a_reason(written: Written, tmp_path: Pat
     ("given", "what"),
     [
         ({"fill_holes": Area(5)}, "filled holes"),
+        ({"diagonally": True}, "connectivity 8"),
         ({"drawing": Drawing(smooth_m=1)}, "smooth outlines"),
         ({"drawing": Drawing(regularize_m=1)}, "regularized outlines"),
         ({"drawing": Drawing(simplify_m=1)}, "simplified outlines"),

@@ -40,6 +40,7 @@ def extract(
     refine: str | None = None,
     threshold: float = 1.2,
     intensity_step: float = 0.05,
+    connectivity: int = 4,
     detail: float | str | None = None,
     thin_lines: bool = False,
     min_area: float | str | None = None,
@@ -97,6 +98,9 @@ def extract(
         Names for the bands: "red,green,blue,nir", or of some "nir=4".
     nodata, stretch, method, refine, threshold, intensity_step
         As the options of `uavseg extract`.
+    connectivity : {4, 8}
+        Neighbours of a pixel. With 8, regions (of one class) that touch at a corner of a pixel are one
+        MultiPolygon, after holes are filled and before small regions are dropped.
     flatten : float or str, optional
         Metres, or pixels as "200px": light that changes slowly over this width is taken away, and `range` is
         of v without it; several times the width of what is sought. Columns of values are then empty.
@@ -183,6 +187,7 @@ def levels(
     threshold: float = 1.2,
     intensity_step: float = 0.05,
     refine: str | None = None,
+    connectivity: int = 4,
     detail: float | str | None = None,
     min_area: float | str | None = None,
     small: Small = "merge",

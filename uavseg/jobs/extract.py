@@ -29,7 +29,7 @@ from uavseg.output.renames import recover
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.raster.intensity.value_range import DetectedRange, ValueRange
 from uavseg.regions.confidence import check_minimum, confidence_of, none_confident
-from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, join_at_corners
 from uavseg.regions.formats.export import check_region_folder, write_regions
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.outline.stitch import concatenate_sums, number_regions
@@ -51,7 +51,8 @@ class ExtractRequest(RegionRequest):
 
     In this order: thin lines are added where their contrast along 15 pixels is significant; structures
     narrower than the detail are left out, necks cut and gaps closed; holes are filled, and regions within
-    them become part of what surrounds them; small regions are dropped, and those of a low confidence at last.
+    them become part of what surrounds them; regions are joined at corners; small regions are dropped, and
+    those of a low confidence at last.
 
     A ParameterError says that thin lines are asked for with a detail, which leaves them out, or without
     refinement to the pixel; that the minimum confidence is not within 0 and 1, or that regions end at block
@@ -62,6 +63,7 @@ class ExtractRequest(RegionRequest):
     segment: SegmentParams = SegmentParams()
     fill_holes: Area | None = None  # holes of less are filled
     thin_lines: bool = False  # of 1 to 3 pixels
+    diagonally: bool = False  # 8-connectivity: regions that touch at a corner of a pixel are one
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -99,7 +101,8 @@ def extract(source: Source, request: ExtractRequest, work: Work = SERIAL) -> Ext
 def with_facts(found: Extraction, source: Source, request: ExtractRequest) -> Extraction:
     """Return a result whose regions say what they were made from, and how."""
     how = results.range_facts(found.detected, found.axis) | results.segment_facts(request.segment)
-    how |= {"thin_lines": request.thin_lines or None} | results.drawing_facts(request, request.fill_holes)
+    how |= {"connectivity": 8 if request.diagonally else None, "thin_lines": request.thin_lines or None}
+    how |= results.drawing_facts(request, request.fill_holes)
     return results.with_metadata(found, source, "extract", how)
 
 
@@ -176,6 +179,8 @@ def _measured(
     tiles: TilePass | None = None,
 ) -> Extraction:
     """Return regions with their attributes, the small ones dropped; where there are none, why."""
+    if request.diagonally:
+        outlined, _ = join_at_corners(outlined, np.zeros_like(outlined.sums.counts))
     result, whole = measure(outlined, source, detected, request), len(outlined.sums.counts)
     if len(result.regions):
         return result
@@ -311,6 +316,7 @@ def check_local(request: object) -> ExtractRequest:
         raise ParameterError("a folder of regions is of one range, not of classes; write classes to a file")
     refused = {
         "filled holes": request.fill_holes is not None,
+        "connectivity 8": request.diagonally,
         "smooth outlines": bool(request.drawing.smooth_m),
         "regularized outlines": bool(request.drawing.regularize_m),
         "simplified outlines": bool(request.drawing.simplify_m),

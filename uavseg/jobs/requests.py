@@ -83,7 +83,7 @@ def _extract(options: ExtractOptions) -> tuple[Find, Any]:
     if options.classes is not None and any(one is not None for one in ranges):
         raise ParameterError("extract takes a range or classes; give one of them")
     segment = options.division.segment_params(None if classes else options.refine)
-    common = _sizes(options)
+    common = _sizes(options) | {"diagonally": options.neighbours.diagonally}
     if classes is None:
         interval = requested_range(options.ranges)
         return extract, ExtractRequest(interval, segment, thin_lines=options.thin_lines, **common)
@@ -98,7 +98,7 @@ def _levels(options: LevelsOptions) -> tuple[Find, Any]:
     from uavseg.jobs.segment_classes import LevelsRequest, breaks_of, level_params, levels
 
     wanted = breaks_of(options.breaks) if options.width is None else Levels(options.width)
-    sizes = _sizes(options) | {"small": options.small}
+    sizes = _sizes(options) | {"small": options.small, "diagonally": options.neighbours.diagonally}
     del sizes["fill_holes"]
     segment = level_params(options.division.segment_params(), options.refine, wanted)
     return levels, LevelsRequest(wanted, segment, **sizes)

@@ -21,7 +21,7 @@ from uavseg.raster.grid.geobox import Length
 from uavseg.raster.grid.tiling import TilePass
 from uavseg.regions.confidence import check_minimum, confidence_of, none_confident
 from uavseg.regions.edit.eliminate import eliminate
-from uavseg.regions.edit.small import Area, drop_small_regions
+from uavseg.regions.edit.small import Area, drop_small_regions, join_at_corners
 from uavseg.regions.outline.rings import RegionOutlines
 from uavseg.regions.tiles.range_tiles import count_pixels
 from uavseg.segmentation.blocks.block_map import BlockMap
@@ -206,6 +206,7 @@ class ClassesRequest(RegionRequest):
     classes: ValueClasses  # of v, after the stretch
     segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
     fill_holes: Area | None = None
+    diagonally: bool = False  # 8-connectivity: regions of a class that touch at a corner of a pixel are one
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -223,7 +224,10 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     division = PartitionRequest(partition, request.segment, request.fill_holes, request.detail)
     found = segment_classes(source, division, work)
     outlined, hints = found.outlined, list(found.notes)
-    present = set(found.kinds_at(outlined.sums.firsts).tolist())
+    kind = found.kinds_at(outlined.sums.firsts)
+    present = set(kind.tolist())
+    if request.diagonally:
+        outlined, _ = join_at_corners(outlined, kind)
     outlined = drop_small_regions(outlined, found.info.geobox, request.min_area)
     kind = found.kinds_at(outlined.sums.firsts) - 1
     low = np.array([one.interval.low for one in classes])
@@ -241,6 +245,7 @@ def extract_classes(source: Source, request: ClassesRequest, work: Work = SERIAL
     result = results.measured(outlined, found.info, ends, request, columns, sure, found.refine)
     names = [f"{one.name}={one.interval.low:g},{one.interval.high:g}" for one in classes]
     how: dict[str, Any] = {"classes": names} | results.segment_facts(request.segment)
+    how |= {"connectivity": 8 if request.diagonally else None}
     how |= results.drawing_facts(request, request.fill_holes)
     if result.below_minimum and not len(result.regions):
         hints.append(none_confident(result.below_minimum, request.min_confidence))
@@ -306,6 +311,7 @@ class LevelsRequest(RegionRequest):
     levels: Levels | Breaks | BreakChoice  # of v, after the stretch
     segment: SegmentParams = SegmentParams()  # see `segment_classes.joint_params`
     small: Small = "merge"  # "merge" or "drop"
+    diagonally: bool = False  # 8-connectivity: segments of a level that touch at a corner of a pixel are one
 
     def __post_init__(self) -> None:
         check_minimum(self.min_confidence, self.segment.refine)
@@ -335,7 +341,8 @@ def levels(source: Source, request: LevelsRequest, work: Work = SERIAL) -> Extra
     notes = [*found.notes, *_notes(found.partition, request)]
     small = None if request.min_area is None else request.small
     how = {"levels": [0.0, *found.partition.edges, 1.0]} | results.segment_facts(request.segment)
-    how |= {"small": small} | results.drawing_facts(request)
+    how |= {"connectivity": 8 if request.diagonally else None, "small": small}
+    how |= results.drawing_facts(request)
     result = results.with_metadata(_measured(found, request), source, "levels", how)
     if not len(result.regions) and result.below_minimum:
         notes.append(none_confident(result.below_minimum, request.min_confidence))
@@ -372,11 +379,15 @@ def _notes(partition: Partition, request: LevelsRequest) -> list[str]:
 
 def _measured(found: Segmented, request: LevelsRequest) -> Extraction:
     outlined, info = found.outlined, found.info
+    if request.diagonally:
+        outlined, _ = join_at_corners(outlined, found.kinds_at(outlined.sums.firsts))
     if request.small == "drop":
         outlined = drop_small_regions(outlined, info.geobox, request.min_area)
     level = found.kinds_at(outlined.sums.firsts) - 1
     if request.min_area is not None and request.small == "merge":
         outlined, level = eliminate(outlined, level, info.geobox, request.min_area)
+        if request.diagonally:  # merged segments touch others
+            outlined, level = join_at_corners(outlined, level)
     bounds = np.array([0.0, *found.partition.edges, 1.0])
     ends = bounds[level], bounds[level + 1]
     sure = partial(confidence_of, outlined, info.statistics)

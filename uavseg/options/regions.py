@@ -6,6 +6,7 @@ import os
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from uavseg.errors import ParameterError
 from uavseg.options import reading, texts
 from uavseg.options.flights import MissionOptions
 from uavseg.options.option import Options, argument, group, option
@@ -70,6 +71,26 @@ class DivisionOptions(Options):
         from uavseg.segmentation.params.segment import SegmentParams
 
         return SegmentParams(self.method, self.threshold, self.intensity_step, refine)  # type: ignore[arg-type]
+
+
+class NeighbourOptions(Options):
+    """Segmentation."""
+
+    connectivity: int = option(
+        "The neighbours of a pixel: the 4 that share an edge, or 8. Then regions that touch at a corner of a "
+        "pixel are one, of several polygons.",
+        default=4,
+        choices=("4", "8"),
+        parse=int,
+        label="Connectivity",
+    )
+
+    @property
+    def diagonally(self) -> bool:
+        """Return whether regions that touch at a corner are one, checked."""
+        if self.connectivity not in (4, 8):
+            raise ParameterError(f"connectivity is 4 or 8 neighbours of a pixel, not {self.connectivity}")
+        return self.connectivity == 8
 
 
 class SizeOptions(Options):
@@ -165,6 +186,7 @@ class ExtractOptions(TiledJobOptions):
         shown="tv; with --method paper scan, and none for classes",
         label="Refinement",
     )
+    neighbours: NeighbourOptions = group(NeighbourOptions)
     sizes: SizeOptions = group(SizeOptions)
     thin_lines: bool = option(
         "Also find lines of 1 to 3 pixels (cracks, tracks) in one range by their contrast along 15 pixels.",
@@ -261,6 +283,7 @@ class LevelsOptions(TiledJobOptions):
         shown="tv; none with --method paper",
         label="Refinement",
     )
+    neighbours: NeighbourOptions = group(NeighbourOptions)
     sizes: SizeOptions = group(
         SizeOptions,
         "fill_holes",

@@ -1,4 +1,4 @@
-"""Generalise regions: remove small holes and regions by minimum areas; simplify outlines as a coverage."""
+"""Generalise regions: join them at corners, remove small ones and small holes, simplify as a coverage."""
 
 from dataclasses import replace
 
@@ -10,9 +10,18 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError
 from uavseg.raster.grid.geobox import GeoBox, parse_size
 from uavseg.raster.grid.ground import ground_resolution, ring_areas
-from uavseg.regions.outline.rings import RegionOutlines, Rings, renumber_by_size
+from uavseg.regions.outline.rings import (
+    RegionOutlines,
+    Rings,
+    dense_parts,
+    merge_sums,
+    renumber_by_size,
+    reorder_rings,
+    select_sums,
+)
 from uavseg.regions.shapes import RaggedPolygons
 from uavseg.regions.table import Regions
+from uavseg.segmentation.components import union_roots
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +48,40 @@ def as_area(given: float | str | None) -> Area | None:
         return None
     expected = "an area is square metres such as 500, hectares such as 0.5ha, or pixels such as 64px"
     return Area(*parse_size(given, expected, {"km2": 1e6, "m2": 1.0, "ha": 1e4}))
+
+
+def join_at_corners(outlined: RegionOutlines, classes: Integers) -> tuple[RegionOutlines, Integers]:
+    """Join regions of one class that touch at corners of pixels (8-connectivity); return their classes, too.
+
+    No two regions of one class share an edge; `classes`, (n,) int64 from 0, are those of the regions. The
+    polygons stay as they are: a joined region has several, which touch at points.
+    """
+    rings = outlined.rings
+    if not len(classes):
+        return outlined, classes
+    corners = rings.vertices[:, 0].astype(np.int64) * (int(rings.vertices[:, 1].max()) + 1)
+    corners += rings.vertices[:, 1]
+    firsts = corners[rings.starts[:-1][rings.exteriors]]  # of each polygon
+    corners *= int(classes.max()) + 1
+    corners += np.repeat(classes[rings.labels - 1], np.diff(rings.starts))
+    keys = np.sort(corners)
+    keys = keys[1:][keys[1:] == keys[:-1]]
+    shared = np.flatnonzero(np.append(keys, -1)[np.searchsorted(keys, corners)] == corners)
+    owners = rings.labels[np.searchsorted(rings.starts, shared, "right") - 1] - 1
+    pairs = owners[np.argsort(corners[shared])].reshape(-1, 2)  # equal where a region touches itself
+    if (pairs[:, 0] == pairs[:, 1]).all():
+        return outlined, classes
+    names, group = np.unique(union_roots(pairs, len(classes)), return_inverse=True)
+    sums = merge_sums(outlined.sums, group, len(names))
+    pixels = np.bincount(group[rings.labels - 1], rings.pixel_areas())
+    largest = np.lexsort((sums.firsts[:, 1], sums.firsts[:, 0], -pixels))
+    labels = np.argsort(largest)[group][rings.labels - 1] + 1
+    order = np.lexsort((firsts[rings.parts], labels))
+    vertices, starts = reorder_rings(rings.vertices, rings.starts, order)
+    joined = Rings(
+        vertices=vertices, starts=starts, labels=labels[order], parts=dense_parts(rings.parts[order])
+    )
+    return RegionOutlines(joined, select_sums(sums, largest)), classes[names][largest]
 
 
 def fill_small_holes(outlined: RegionOutlines, geobox: GeoBox, min_area: Area) -> RegionOutlines:
