@@ -117,7 +117,7 @@ def original(options: OriginalOptions, reporter: Reporter) -> None:
     by one. All of the image is held in memory, at most 4096 x 4096 pixels. RASTER may be the YAML file of a
     ROS map. `uavseg preview --labels` draws the segments.
     """
-    from uavseg.jobs.divide import original
+    from uavseg.jobs.original import original
     from uavseg.jobs.source.open_source import open_source
     from uavseg.raster.formats.geotiff import check_geotiff_name, write_label_geotiff
     from uavseg.raster.grid.tiling import Window
