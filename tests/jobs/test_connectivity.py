@@ -150,7 +150,7 @@ def test_connectivity_is_4_or_8() -> None:
     image = speckled(1, (20, 20))
     for number in (0, 6, -8):
         with pytest.raises(
-            ParameterError, match=f"connectivity is 4 or 8 neighbours of a pixel, not {number}"
+            ParameterError, match=rf"connectivity is 4 \(edges\) or 8 \(corners too\), not {number}"
         ):
             uavseg.extract(image, RANGE, connectivity=number)
     many: Any = "many"

@@ -143,7 +143,7 @@ def extract_to(
         As of `extract`.
     **words
         The other arguments of `extract`, such as ``range=(0.55, 1)``; not those that need all regions at
-        once: holes, classes, the refinement "none", and outlines that are smoothed or simplified.
+        once: holes, classes, connectivity 8, the refinement "none", outlines that are smoothed or simplified.
 
     Returns
     -------

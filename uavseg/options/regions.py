@@ -89,7 +89,7 @@ class NeighbourOptions(Options):
     def diagonally(self) -> bool:
         """Return whether regions that touch at a corner are one, checked."""
         if self.connectivity not in (4, 8):
-            raise ParameterError(f"connectivity is 4 or 8 neighbours of a pixel, not {self.connectivity}")
+            raise ParameterError(f"connectivity is 4 (edges) or 8 (corners too), not {self.connectivity}")
         return self.connectivity == 8
 
 

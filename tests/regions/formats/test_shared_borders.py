@@ -10,6 +10,7 @@ import shapely
 from affine import Affine
 from numpy.typing import NDArray
 from rasterio.crs import CRS
+from skimage.measure import label
 
 from uavseg.jobs.result.result import Drawing
 from uavseg.raster.grid.geobox import GeoBox
@@ -80,6 +81,17 @@ def test_outlines_in_wgs84_are_a_valid_coverage(place: str, drawing: Drawing) ->
         drawn = to_wgs84.wgs84_geometries(regions_of(labels, *PLACES[place], drawing))
         assert shapely.is_valid(drawn).all()
         assert shapely.coverage_is_valid(drawn)
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_regions_that_touch_themselves_at_points_are_valid_in_wgs84(place: str) -> None:
+    """Components of eight neighbours: MultiPolygons, of single pixels and of blocks."""
+    for grain in (1, 4):
+        noise = np.random.default_rng(grain).integers(0, 3, (30, 30)).repeat(grain, 0).repeat(grain, 1)
+        labels = label(noise, background=0, connectivity=2).astype(np.uint32)
+        drawn = to_wgs84.wgs84_geometries(regions_of(labels, *PLACES[place], Drawing()))
+        assert (shapely.get_num_geometries(drawn) > 1).any()
+        assert shapely.is_valid(drawn).all() and shapely.coverage_is_valid(drawn)
 
 
 def test_batches_share_the_borders_between_them() -> None:

@@ -54,11 +54,13 @@ def join_at_corners(outlined: RegionOutlines, classes: Integers) -> tuple[Region
     """Join regions of one class that touch at corners of pixels (8-connectivity); return their classes, too.
 
     No two regions of one class share an edge; `classes`, (n,) int64 from 0, are those of the regions. The
-    polygons stay as they are: a joined region has several, which touch at points.
+    polygons stay as they are: a joined region has several, which touch at points. Labels are those of
+    `renumber_by_size`.
     """
     rings = outlined.rings
     if not len(classes):
         return outlined, classes
+    # Where two regions of one class, or two rings of a region, touch, a corner is a vertex twice, never more.
     corners = rings.vertices[:, 0].astype(np.int64) * (int(rings.vertices[:, 1].max()) + 1)
     corners += rings.vertices[:, 1]
     firsts = corners[rings.starts[:-1][rings.exteriors]]  # of each polygon
@@ -68,7 +70,7 @@ def join_at_corners(outlined: RegionOutlines, classes: Integers) -> tuple[Region
     keys = keys[1:][keys[1:] == keys[:-1]]
     shared = np.flatnonzero(np.append(keys, -1)[np.searchsorted(keys, corners)] == corners)
     owners = rings.labels[np.searchsorted(rings.starts, shared, "right") - 1] - 1
-    pairs = owners[np.argsort(corners[shared])].reshape(-1, 2)  # equal where a region touches itself
+    pairs = owners[np.argsort(corners[shared])].reshape(-1, 2)
     if (pairs[:, 0] == pairs[:, 1]).all():
         return outlined, classes
     names, group = np.unique(union_roots(pairs, len(classes)), return_inverse=True)
