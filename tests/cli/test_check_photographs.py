@@ -27,7 +27,7 @@ from uavseg.flight.camera.camera import camera_named
 from uavseg.flight.formats.files import read_mission, write_mission
 from uavseg.flight.mission.mission import Mission
 from uavseg.photographs.coverage import planned_photographs
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 from uavseg.regions.formats.read import read_regions
 
 LENS = ((120, 80), 80.0)  # the angles of a DJI Phantom 4 Pro

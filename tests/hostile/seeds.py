@@ -215,7 +215,7 @@ def missions() -> Files:
 def photographs() -> Files:
     """Photographs of several makers, at the place of the rasters."""
     from tests.photographs.make import MAKERS, draw_photograph
-    from uavseg.photographs.photograph import Photograph
+    from uavseg.photographs.read import Photograph
 
     taken = Photograph(
         path="", lon=15.0008, lat=40.6502, relative_m=50, altitude_m=200, yaw_deg=20, pitch_deg=-80,

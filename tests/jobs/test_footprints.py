@@ -18,7 +18,7 @@ from tests.photographs.dems import LAT, LON, write_dem
 from tests.photographs.make import draw_photograph, ground_lonlat
 from uavseg.cli import main
 from uavseg.errors import MissionError, ParameterError, PhotographError
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 
 PHOTO = Photograph(
     path="a.jpg",

@@ -19,7 +19,7 @@ from scipy.ndimage import binary_dilation, binary_erosion, gaussian_filter
 import uavseg
 from tests.photographs.make import draw_photograph
 from uavseg.cli import main
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 
 PLACE = (47.05, 8.31)
 PHOTO = Photograph(

@@ -23,7 +23,7 @@ from uavseg.flight.planning.planner import plan_missions
 from uavseg.jobs.flights.check import gap_regions
 from uavseg.photographs.coverage import COVERED, LOST, Coverage, Planned, coverage, planned_photographs
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 
 CAMERA = camera_named("DJI Phantom 4 Pro")
 HOME = (47.0, 8.0, 430.0)

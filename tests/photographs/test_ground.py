@@ -14,7 +14,7 @@ from tests.photographs.make import ground_lonlat
 from uavseg.errors import MissionError, ParameterError, PhotographError
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 from uavseg.raster.elevation.dem import Dem
 
 PHOTO = Photograph(

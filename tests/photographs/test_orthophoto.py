@@ -23,7 +23,7 @@ from uavseg.errors import PhotographError
 from uavseg.execution.executors import threads
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.orthophoto import TILE, Mosaic, View, _between, likely_error_m
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, transform_between, utm_crs
 from uavseg.raster.grid.tiling import Window

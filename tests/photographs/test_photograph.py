@@ -10,7 +10,7 @@ from hypothesis import given, strategies as st
 from tests.photographs.make import turns
 from uavseg.flight.camera.camera import Camera
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 
 CAMERA = Camera("test", (13.2, 8.8), (5472, 3648), 8.8, 2)
 PHOTO = Photograph(

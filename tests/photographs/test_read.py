@@ -17,8 +17,7 @@ from PIL.TiffImagePlugin import IFDRational
 from tests.photographs.make import MAKERS, draw_photograph, insert_xmp
 from uavseg.errors import PhotographError
 from uavseg.flight.camera.camera import camera_named
-from uavseg.photographs.photograph import Photograph
-from uavseg.photographs.read import read_photographs
+from uavseg.photographs.read import Photograph, read_photographs
 
 PHOTO = Photograph(
     path="a.jpg",

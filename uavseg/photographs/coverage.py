@@ -19,7 +19,7 @@ from uavseg.flight.mission.items import FRAME_AMSL, FRAME_TERRAIN, ROI_LOCATION
 from uavseg.flight.mission.mission import Ground as Below, Mission
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import Photograph
+from uavseg.photographs.read import Photograph
 from uavseg.raster.geodesy.globe import wrap_lon
 
 Overlaps = dict[str, dict[str, float] | None]

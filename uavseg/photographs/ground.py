@@ -14,8 +14,7 @@ from uavseg.errors import ParameterError, PhotographError
 from uavseg.execution.executors import Progress
 from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Plane
-from uavseg.photographs.photograph import HORIZON_DEG, Photograph
-from uavseg.photographs.read import grouped
+from uavseg.photographs.read import HORIZON_DEG, Photograph, grouped
 from uavseg.plain_text import one_line, shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 

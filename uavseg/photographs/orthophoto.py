@@ -16,8 +16,7 @@ from uavseg.errors import PhotographError
 from uavseg.execution.executors import Map, Progress, serial, split_progress
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import HORIZON_DEG, Photograph
-from uavseg.photographs.read import grouped
+from uavseg.photographs.read import HORIZON_DEG, Photograph, grouped
 from uavseg.raster.geodesy.globe import WGS84, Transform, transform_between, utm_crs, wrap_lon
 from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import Window, tiles

@@ -32,8 +32,7 @@ from uavseg.jobs.flights.request import in_degrees, open_regions, safety_params,
 from uavseg.options.missions import CheckOptions
 from uavseg.photographs.coverage import Coverage, coverage
 from uavseg.photographs.ground import Ground
-from uavseg.photographs.photograph import Photograph
-from uavseg.photographs.read import read_photographs
+from uavseg.photographs.read import Photograph, read_photographs
 from uavseg.plain_text import first_of, shown
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import WGS84, define_crs, wrap_lon_beyond_180

@@ -19,8 +19,7 @@ from uavseg.options.missions import FootprintsOptions, GeoreferenceOptions
 from uavseg.output.atomic import check_target
 from uavseg.photographs.ground import Ground
 from uavseg.photographs.orthophoto import Mosaic
-from uavseg.photographs.photograph import Photograph
-from uavseg.photographs.read import Taken, read_photographs
+from uavseg.photographs.read import Photograph, Taken, read_photographs
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.formats.geotiff import check_geotiff_name, write_image_geotiff
 from uavseg.raster.geodesy.globe import WGS84, define_crs, geod_wgs84
