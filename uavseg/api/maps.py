@@ -10,13 +10,14 @@ from uavseg.access import Folders, allowing
 from uavseg.api._values import job_function, warn, work
 from uavseg.arguments import checked
 from uavseg.execution.executors import Progress
-from uavseg.jobs.maps.build_map import BuiltMap, build_map as run_build_map, merge_params, topics_of
+from uavseg.jobs.maps.build_map import build_map as run_build_map, merge_params, topics_of
 from uavseg.jobs.maps.classify import Classification, classify as run_classify, classify_request
 from uavseg.jobs.maps.compare import Comparison, compare as run_compare, compare_job, open_both
 from uavseg.jobs.maps.mask import FilterMask, mask as run_mask
 from uavseg.jobs.maps.merge_maps import MergedMap, merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path, path_request
 from uavseg.jobs.source.open_source import open_probability_map
+from uavseg.occupancy.bags.merge_bag import BuiltMap
 from uavseg.occupancy.paths.find_path import PlannedPath
 from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build

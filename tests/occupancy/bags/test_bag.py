@@ -80,7 +80,7 @@ def test_the_definitions_of_a_bag_are_not_made_code(bags: Path, tmp_path: Path) 
     assert b"float32 angle_min" in whole
     hostile = tmp_path / "a.db3"
     hostile.write_bytes(whole.replace(b"float32 angle_min", b"float32 angle-mi}"))
-    assert merge_bag(hostile).counts.merged == 3
+    assert merge_bag(hostile).scans.merged == 3
 
 
 def test_a_bag_whose_messages_are_a_view_that_never_ends_is_refused(bags: Path, tmp_path: Path) -> None:
@@ -163,7 +163,7 @@ def test_names_in_metadata_lose_their_folders(bags: Path, tmp_path: Path) -> Non
     folder = shutil.copytree(bags / "db3", tmp_path / "db3")
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(text.replace("db3.db3", "/somewhere/else/db3.db3"))
-    assert merge_bag(folder).counts.merged == 3
+    assert merge_bag(folder).scans.merged == 3
 
 
 def test_a_database_that_was_not_closed_is_refused(bags: Path, tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_a_folder_with_several_files_is_read_in_their_order(bags: Path, tmp_path
     shutil.copy(write_ros2(tmp_path / "more", later) / "more.db3", folder)
     text = (folder / "metadata.yaml").read_text()
     (folder / "metadata.yaml").write_text(text.replace("- db3.db3", "- db3.db3\n  - more.db3"))
-    assert merge_bag(folder).counts.merged == 6
+    assert merge_bag(folder).scans.merged == 6
 
 
 # Bounds

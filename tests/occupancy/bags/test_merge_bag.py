@@ -25,7 +25,7 @@ from tests.occupancy.bags.write_bags import (
 )
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags import frames
-from uavseg.occupancy.bags.merge_bag import BagTopics, MergedBag, MergeParams, merge_bag
+from uavseg.occupancy.bags.merge_bag import BagTopics, BuiltMap, MergeParams, merge_bag
 from uavseg.occupancy.map_file import trinary_states
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.scan import Pose, Scan
@@ -34,7 +34,7 @@ LASER = (0.2, -0.1, 0.4)
 TF = BagTopics(odom=None)
 
 
-def direct(drive: Drive, found: MergedBag, shift: tuple[float, float] = (0.0, 0.0)) -> OccupancyGrid:
+def direct(drive: Drive, found: BuiltMap, shift: tuple[float, float] = (0.0, 0.0)) -> OccupancyGrid:
     """The map of the same scans, merged at the true poses."""
     grid = OccupancyGrid(found.grid.geobox)
     for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
@@ -73,7 +73,7 @@ def test_the_map_of_a_bag_is_the_map_of_its_scans(kind: str, tmp_path: Path) -> 
     ros, write = WRITERS[kind]
     drive = Drive(ros, laser=LASER)
     found = merge_bag(write(tmp_path, drive.everything()))
-    assert (found.counts.merged, found.counts.total, found.warnings) == (12, 12, ())
+    assert (found.scans.merged, found.scans.total, found.warnings) == (12, 12, ())
     assert found.frame == "odom"
     assert_same_map(found.grid, direct(drive, found))
 
@@ -147,7 +147,7 @@ def test_a_sensor_upside_down_makes_the_same_map(tmp_path: Path) -> None:
         )  # its fan is symmetric: the beams in reverse order
         mirrored.append(dataclasses.replace(one, message=message))
     found = merge_bag(write_ros2(tmp_path / "a", mirrored + drive.recorded_odometry() + hanging))
-    assert found.counts.merged == 12
+    assert found.scans.merged == 12
     expected = OccupancyGrid(found.grid.geobox)
     for time, scan in zip(drive.scan_times(), drive.scans(), strict=True):
         upright = Scan.from_laserscan(drive.laserscan(scan, time), drive.sensor_pose(time))
@@ -159,7 +159,7 @@ def test_a_sensor_upside_down_makes_the_same_map(tmp_path: Path) -> None:
 # Beams of a moving robot, other messages, other drivers
 
 
-def far_from_walls(found: MergedBag) -> tuple[int, int]:
+def far_from_walls(found: BuiltMap) -> tuple[int, int]:
     """Occupied cells, and how many of them are more than 0.1 m from anything solid."""
     box = found.grid.geobox
     rows, cols = np.nonzero(found.grid.probabilities > 0.65)
@@ -202,7 +202,7 @@ def test_each_beam_of_a_turning_robot_has_its_own_pose(tmp_path: Path, topics: B
 def test_a_scan_whose_end_has_no_pose_is_merged_and_counted(tmp_path: Path) -> None:
     drive = Drive(beam_ns=400_000)
     found = merge_bag(write_ros2(tmp_path / "a", drive.recorded_scans() + drive.recorded_odometry()[:-1]))
-    assert found.counts.merged == found.counts.total - 1 == 11 and found.counts.without_end == 1
+    assert found.scans.merged == found.scans.total - 1 == 11 and found.scans.without_end == 1
     assert "1 of 11 scans have no pose at their last beam" in found.warnings[1]
 
 
@@ -220,7 +220,7 @@ def test_an_increment_that_is_no_time_between_beams_moves_none(tmp_path: Path, i
     )
     assert np.array_equal(one.grid.log_odds, other.grid.log_odds)
     said = 12 if increment >= 1 and math.isfinite(increment) else 0
-    assert one.counts.without_end == said and len(one.warnings) == len(other.warnings) + bool(said)
+    assert one.scans.without_end == said and len(one.warnings) == len(other.warnings) + bool(said)
 
 
 @pytest.mark.slow
@@ -232,12 +232,12 @@ def test_a_scan_that_is_invalid_is_not_counted_among_those_without_an_end(tmp_pa
     )
     found = merge_bag(write_ros2(tmp_path / "a", scans + drive.recorded_odometry()[:-1]))
     late = merge_bag(write_ros2(tmp_path / "b", drive.recorded_scans() + drive.recorded_odometry()[:-1]))
-    assert (found.counts.without_end, late.counts.without_end) == (1, 1)
+    assert (found.scans.without_end, late.scans.without_end) == (1, 1)
     scans[-2] = dataclasses.replace(
         scans[-2], message=dataclasses.replace(scans[-2].message, angle_increment=0.0)
     )
     found = merge_bag(write_ros2(tmp_path / "c", scans + drive.recorded_odometry()[:-1]))
-    assert found.counts.without_end == 0 and found.counts.invalid == 1
+    assert found.scans.without_end == 0 and found.scans.invalid == 1
 
 
 @pytest.mark.parametrize("ros", [1, 2])
@@ -253,7 +253,7 @@ def test_of_several_echoes_the_nearest_valid_one_counts(ros: int, tmp_path: Path
         merge_bag(write(tmp_path / f"{k}.bag", scans + rest))
         for k, scans in enumerate((echoes, drive.recorded_scans()))
     )
-    assert one.counts.merged == 12
+    assert one.scans.merged == 12
     assert np.array_equal(one.grid.log_odds, other.grid.log_odds)
 
 
@@ -284,7 +284,7 @@ def test_a_band_of_a_point_cloud_is_the_scan_of_its_nearest_points(tmp_path: Pat
     grid = OccupancyGrid(found.grid.geobox)
     for scan in expected:
         grid.merge(scan)
-    assert found.counts.merged == 6
+    assert found.scans.merged == 6
     assert_same_map(found.grid, grid)
     with pytest.raises(BagError, match=r"heights, such as 0\.1,1\.8, say which points"):
         merge_bag(path)
@@ -315,7 +315,7 @@ def test_scans_without_a_pose_are_counted(tmp_path: Path) -> None:
     drive = Drive()
     messages = drive.recorded_scans() + drive.recorded_odometry()[4:] + drive.recorded_static()
     found = merge_bag(write_ros2(tmp_path / "a", messages))
-    assert (found.counts.merged, found.counts.without_pose) == (8, 4)
+    assert (found.scans.merged, found.scans.without_pose) == (8, 4)
     assert found.warnings == ("4 of 12 scans have no pose from /odom at their time, and are left out",)
 
 
@@ -331,7 +331,7 @@ def test_tilted_invalid_and_poseless_are_told_apart(tmp_path: Path) -> None:
         if one.topic == "/odom" and one.time == START_NS + 6 * STEP_NS:
             one.message.pose.pose.position.x = math.nan
     found = merge_bag(write_ros2(tmp_path / "a", messages))
-    counts = found.counts
+    counts = found.scans
     assert (counts.merged, counts.tilted, counts.invalid, counts.total) == (7, 2, 3, 12)
     texts = "\n".join(found.warnings)
     assert "2 of 12 scans were tilted by more than 30 degrees" in texts
@@ -361,7 +361,7 @@ def test_the_old_type_of_tf_is_read(tmp_path: Path) -> None:
     drive = Drive(1)
     old = [dataclasses.replace(one, kind="tf/msg/tfMessage") for one in drive.recorded_tf()]
     messages = drive.recorded_scans() + old + drive.recorded_static()
-    assert merge_bag(write_ros1(tmp_path / "a.bag", messages), TF).counts.merged == 12
+    assert merge_bag(write_ros1(tmp_path / "a.bag", messages), TF).scans.merged == 12
 
 
 # Bags of which no map is made
@@ -423,7 +423,7 @@ def test_a_smaller_range_makes_a_smaller_map(tmp_path: Path) -> None:
     path = write_ros2(tmp_path / "a", SCANS + ODOM)
     near, all_of_it = (merge_bag(path, params=MergeParams(0.05, max_range_m=m)) for m in (1.0, None))
     assert near.grid.geobox.shape[0] < all_of_it.grid.geobox.shape[0] - 10
-    assert near.counts.merged == 12
+    assert near.scans.merged == 12
 
 
 @pytest.mark.parametrize(

@@ -2,39 +2,17 @@
 
 from dataclasses import replace
 
-from uavseg.arrays import Float32s, Path_
+from uavseg.arrays import Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, SceneError
 from uavseg.execution.executors import decided, phase
-from uavseg.occupancy.bags.merge_bag import BagTopics, MergeParams, ScanCounts, merge_bag
-from uavseg.occupancy.map_file import WritableMap
+from uavseg.occupancy.bags.merge_bag import BagTopics, BuiltMap, MergeParams, merge_bag
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.simulation.scenes import BUILT_IN_SCENES, load_scene
 from uavseg.occupancy.simulation.simulate import Simulation
 from uavseg.options.maps import BuildMapOptions, SimulateOptions, sensor_changes
-from uavseg.raster.grid.geobox import GeoBox
 
 DEFAULT_ODOM = "/odom"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class BuiltMap(WritableMap):
-    """The map of a bag."""
-
-    grid: OccupancyGrid  # its `save` keeps the log-odds
-    frame: str  # the coordinate frame of its poses, such as "odom" or "map"
-    scans: ScanCounts  # merged and omitted ones
-    warnings: tuple[str, ...]
-
-    @property
-    def probabilities(self) -> Float32s:
-        """Return the probabilities of the cells, (rows, cols)."""
-        return self.grid.probabilities
-
-    @property
-    def geobox(self) -> GeoBox:
-        """Return the position of the cells."""
-        return self.grid.geobox
 
 
 def topics_of(scan: str, odom: str | None, tf: bool) -> BagTopics:
@@ -60,10 +38,9 @@ def build_map(bag: Path_, topics: BagTopics, params: MergeParams) -> BuiltMap:
     """Merge the scans of a recorded bag into a map; see `merge_bag`."""
     decided("scans of %s, poses of %s, cells of %g m", topics.scan, topics.odom or "/tf", params.resolution_m)
     with phase("scans"):
-        merged = merge_bag(bag, topics, params)
-    scans = merged.counts
-    decided("%d of %d scans merged in the frame %s", scans.merged, scans.total, merged.frame)
-    return BuiltMap(grid=merged.grid, frame=merged.frame, scans=scans, warnings=merged.warnings)
+        built = merge_bag(bag, topics, params)
+    decided("%d of %d scans merged in the frame %s", built.scans.merged, built.scans.total, built.frame)
+    return built
 
 
 @dataclass(frozen=True)

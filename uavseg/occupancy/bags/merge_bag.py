@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from uavseg.arrays import Floats, Path_
+from uavseg.arrays import Float32s, Floats, Path_
 from uavseg.dataclass import dataclass
 from uavseg.errors import BagError, ParameterError, SceneError
 from uavseg.occupancy.bags.bag import LASERSCAN, MULTI_ECHO, POINT_CLOUD, Bag, open_bag
@@ -23,6 +23,7 @@ from uavseg.occupancy.bags.frames import (
     read_transforms,
     stamp_ns,
 )
+from uavseg.occupancy.map_file import WritableMap
 from uavseg.occupancy.mapping.beams import REACH_SIGMAS
 from uavseg.occupancy.mapping.grid import OccupancyGrid
 from uavseg.occupancy.mapping.grid_io import MAX_CELLS
@@ -102,13 +103,23 @@ class ScanCounts:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class MergedBag:
+class BuiltMap(WritableMap):
     """The map of a bag."""
 
-    grid: OccupancyGrid
-    frame: str  # coordinate frame of the map, such as "odom" or "map"
-    counts: ScanCounts
+    grid: OccupancyGrid  # its `save` keeps the log-odds
+    frame: str  # the coordinate frame of its poses, such as "odom" or "map"
+    scans: ScanCounts  # merged and omitted ones
     warnings: tuple[str, ...]
+
+    @property
+    def probabilities(self) -> Float32s:
+        """Return the probabilities of the cells, (rows, cols)."""
+        return self.grid.probabilities
+
+    @property
+    def geobox(self) -> GeoBox:
+        """Return the position of the cells."""
+        return self.grid.geobox
 
 
 @dataclass(slots=True)
@@ -143,7 +154,7 @@ class _Extent:
         return local_geobox((rows, cols), cell_m, (first[0] * cell_m, first[1] * cell_m))
 
 
-def merge_bag(path: Path_, topics: BagTopics = BagTopics(), params: MergeParams = MergeParams()) -> MergedBag:
+def merge_bag(path: Path_, topics: BagTopics = BagTopics(), params: MergeParams = MergeParams()) -> BuiltMap:
     """Merge the scans of a bag, a .bag of ROS 1 or a folder, .mcap or .db3 of ROS 2, into a map.
 
     The frame of the map is the root of the frames above the sensor: that of the odometry, or the highest of
@@ -166,9 +177,7 @@ def merge_bag(path: Path_, topics: BagTopics = BagTopics(), params: MergeParams 
         grid = OccupancyGrid(extent.geobox(params.resolution_m))
         for scan in _scans(bag, topics.scan, tree, params, ScanCounts(), set()):
             grid.merge(scan)
-        return MergedBag(
-            grid=grid, frame=root, counts=counts, warnings=tuple(_warnings(topics, tree, counts, frames))
-        )
+        return BuiltMap(grid, root, counts, tuple(_warnings(topics, tree, counts, frames)))
 
 
 def _scans(
