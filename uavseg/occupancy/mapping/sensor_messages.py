@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from uavseg.arrays import Bools, Float32s, Floats
-from uavseg.errors import SceneError
+from uavseg.errors import SceneError, caused_errors
 from uavseg.inputs import as_number
 from uavseg.plain_text import shown
 
@@ -142,16 +142,14 @@ def _angles(numbers: dict[str, float], count: int, beam_order: str | None) -> Fl
 
 def read_points(message: Any) -> Floats:
     """Read the points of a PointCloud2 whose three coordinates are finite: (n, 3) float64, in metres."""
-    try:
+    expected = f"expected a sensor_msgs/PointCloud2, not {shown(type(message).__name__)}"
+    with caused_errors(expected, SceneError, AttributeError, TypeError, ValueError, form="{}"):
         fields = {str(field.name): field for field in message.fields}
         step, row_step = int(message.point_step), int(message.row_step)
         rows, cols = int(message.height), int(message.width)
         order = ">" if message.is_bigendian else "<"
         data = message.data
         content = memoryview(bytes(data) if isinstance(data, list | tuple) else data).cast("B")
-    except (AttributeError, TypeError, ValueError) as error:
-        name = shown(type(message).__name__)
-        raise SceneError(f"expected a sensor_msgs/PointCloud2, not {name}") from error
     missing = [name for name in "xyz" if name not in fields or fields[name].datatype not in _POINT_FORMATS]
     if missing:
         raise SceneError(f"expected x, y and z as floats in a point cloud; missing: {', '.join(missing)}")

@@ -20,9 +20,8 @@ from rasterio.io import DatasetReader
 
 from uavseg.access import current_policy, is_address
 from uavseg.dataclass import dataclass
-from uavseg.errors import AccessError, RasterError, RasterReadError
+from uavseg.errors import AccessError, RasterError, RasterReadError, caused_errors
 from uavseg.inputs import read_bytes, read_start, regular_file
-from uavseg.plain_text import cause_of
 from uavseg.raster.access import opening, untrusted
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.tiff.directories import is_by_pixel, stored_blocks
@@ -282,13 +281,10 @@ def open_checked(path: str) -> Iterator[DatasetReader]:
                 _check_opened(path, source_path, source)
                 if not opening.is_sequential(source.driver):
                     continue
-                try:  # each row, because GDAL would look for ever for one after a damaged one
+                unread = f"{path} names {source_path}, which cannot be read as a whole"
+                # each row, because GDAL would look for ever for one after a damaged one
+                with caused_errors(unread, RasterReadError, *opening.GDAL_ERRORS, form="{} ({}); repair it"):
                     opening.read_rows_before(source, Window(0, 0, *source.shape))
-                except opening.GDAL_ERRORS as error:
-                    raise RasterReadError(
-                        f"{path} names {source_path}, which cannot be read as a whole ({cause_of(error)}); "
-                        "repair it"
-                    ) from error
         with open_by(path, opening.drivers_of(path)) as source:
             _check_opened(path, path, source)
             yield source

@@ -156,13 +156,11 @@ class OpenFiles:
         """
         files: OrderedDict[str, DatasetReader] = self._local.__dict__.setdefault("files", OrderedDict())
         if path not in files:
-            try:
+            with open_errors(path):
                 source = (rasterio.open if located else quiet_open)(path, driver=driver)
                 if (masks and mask_kind(source) != masks) or (located and source.transform.is_identity):
                     source.close()
                     raise RasterReadError(f"{path} changed, or its header cannot be read any more")
-            except GDAL_ERRORS as error:
-                raise RasterReadError(open_error_text(path, error)) from error
             files[path] = source
             if len(files) > MAX_OPEN:
                 files.popitem(last=False)[1].close()
@@ -323,13 +321,18 @@ def gdal_read_errors(path: str, window: Window, online: bool = False) -> Iterato
         ) from error
 
 
-def open_error_text(path: str, error: BaseException) -> str:
-    """Return reason why a raster cannot be opened, as one line."""
-    if os.path.isdir(path):  # noqa: PTH112 - false for a name that is too long
-        return f"{path} is a folder; name the rasters in it"
-    if not (is_remote(path) or ":" in path[2:] or file_exists(path)):
-        return f"there is no file {path}"
-    return f"{path} cannot be opened as a raster ({cause_of(error)})"
+@contextmanager
+def open_errors(path: str) -> Iterator[None]:
+    """Enter a block in which GDAL's errors are raised as why a raster cannot be opened (RasterReadError)."""
+    try:
+        yield
+    except GDAL_ERRORS as error:
+        reason = f"{path} cannot be opened as a raster ({cause_of(error)})"
+        if os.path.isdir(path):  # noqa: PTH112 - false for a name that is too long
+            reason = f"{path} is a folder; name the rasters in it"
+        elif not (is_remote(path) or ":" in path[2:] or file_exists(path)):
+            reason = f"there is no file {path}"
+        raise RasterReadError(reason) from error
 
 
 def file_exists(path: str | os.PathLike[str]) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from uavseg.arrays import Path_
-from uavseg.errors import AccessError, RasterReadError, UavsegError
+from uavseg.errors import AccessError, RasterReadError, UavsegError, caused_errors
 from uavseg.output.staging import interrupts_held
 from uavseg.plain_text import cause_of, shown
 
@@ -111,15 +111,10 @@ def check_netcdf_header(path: Path) -> None:
     The netCDF library allocates what the header asks for: 2 GB for a damaged file of 20 kB. Format:
     https://docs.unidata.ucar.edu/netcdf-c/current/file_format_specifications.html.
     """
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        try:
-            _Header(file, size).check()
-        except ValueError as error:
-            raise RasterReadError(
-                f"{path} cannot be opened as a raster (its netCDF header is damaged: {error}); repair it, or "
-                "get it again"
-            ) from error
+    form = "{} (its netCDF header is damaged: {}); repair it, or get it again"
+    failing = caused_errors(f"{path} cannot be opened as a raster", RasterReadError, ValueError, form=form)
+    with path.open("rb") as file, failing:
+        _Header(file, path.stat().st_size).check()
 
 
 class _Header:
@@ -204,22 +199,16 @@ def check_database(source: Path_ | bytes, name: str, error: Callable[[str], Uavs
     `name` is for messages; `error` makes of a message the exception of a database that cannot be read. An
     AccessError says that it has such a table or view.
     """
-    try:
-        with open_database(source) as database:
-            database.text_factory = lambda text: text.decode("utf-8", "surrogateescape")
-            found = database.execute(
-                "SELECT type, name, sql FROM sqlite_master WHERE sql NOT NULL"
-            ).fetchall()
-            for kind, named, definition in found:
-                virtual = _VIRTUAL_TABLE.match(str(definition))
-                if kind == "view":
-                    _check_view(database, str(named), name)
-                elif virtual and not virtual[1].lower().startswith(("rtree", "fts")):
-                    raise AccessError(
-                        f"{name} has a virtual table of {virtual[1]}, which may read other files"
-                    )
-    except (sqlite3.Error, UnicodeError) as cause:
-        raise error(f"{name} cannot be read: {cause_of(cause)}") from cause
+    failing = caused_errors(f"{name} cannot be read", error, sqlite3.Error, UnicodeError, form="{}: {}")
+    with failing, open_database(source) as database:
+        database.text_factory = lambda text: text.decode("utf-8", "surrogateescape")
+        query = "SELECT type, name, sql FROM sqlite_master WHERE sql NOT NULL"
+        for kind, named, definition in database.execute(query).fetchall():
+            virtual = _VIRTUAL_TABLE.match(str(definition))
+            if kind == "view":
+                _check_view(database, str(named), name)
+            elif virtual and not virtual[1].lower().startswith(("rtree", "fts")):
+                raise AccessError(f"{name} has a virtual table of {virtual[1]}, which may read other files")
 
 
 def _check_view(database: sqlite3.Connection, view: str, name: str) -> None:

@@ -19,7 +19,7 @@ from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError, RasterReadError, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.access.open_checked import open_checked
-from uavseg.raster.access.opening import GDAL_ERRORS, as_file_name, open_error_text
+from uavseg.raster.access.opening import as_file_name, open_errors
 from uavseg.raster.geodesy import globe
 from uavseg.raster.grid.tiling import Window
 from uavseg.raster.read.dataset import Dataset
@@ -305,13 +305,11 @@ class Dem:
 def _heights_of(path: str) -> Heights:
     """Return the CRS, unit and vertical reference of a file; refuses what is no elevation model."""
     try:
-        with rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"), open_checked(path) as source:
+        with open_errors(path), rasterio.Env(GTIFF_REPORT_COMPD_CS="YES"), open_checked(path) as source:
             crs, dtypes, roles = source.crs, source.dtypes, [role.name for role in source.colorinterp]
             unit, scale, offset = source.units[0], float(source.scales[0]), float(source.offsets[0])
     except IndexError:
         raise RasterError(f"{path} has no bands") from None
-    except GDAL_ERRORS as error:
-        raise RasterReadError(open_error_text(path, error)) from error
     if not crs:
         raise RasterError(
             f"{path} has no coordinate reference system, so where its heights belong is not known; give it "

@@ -9,7 +9,6 @@ from rasterio.io import DatasetReader
 from uavseg.arrays import Bools, Integers, Path_, Uint8s
 from uavseg.errors import OutputError, RasterReadError, caused_errors
 from uavseg.output.atomic import atomic_file
-from uavseg.plain_text import cause_of
 from uavseg.raster.access.open_checked import check_readable_whole, open_checked
 from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
 
@@ -23,17 +22,14 @@ def read_grey(path: Path_) -> tuple[Uint8s, Uint8s | None]:
     divided by 257 and rounded down, as in GraphicsMagick. A RasterReadError says that it is not an image, or
     damaged.
     """
-    try:
-        with open_checked(os.fspath(path)) as file:
-            check_readable_whole(os.fspath(path), file)
-            if any(name not in ("uint8", "uint16") for name in file.dtypes):
-                raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
-            return _grey(file)
-    except GDAL_ERRORS as error:
-        raise RasterReadError(
-            f"{os.fspath(path)} cannot be read as a picture ({cause_of(error)}); it is of another "
-            "kind, damaged or incomplete"
-        ) from error
+    form = "{} ({}); it is of another kind, damaged or incomplete"
+    unread = f"{os.fspath(path)} cannot be read as a picture"
+    failing = caused_errors(unread, RasterReadError, *GDAL_ERRORS, form=form)
+    with failing, open_checked(os.fspath(path)) as file:
+        check_readable_whole(os.fspath(path), file)
+        if any(name not in ("uint8", "uint16") for name in file.dtypes):
+            raise RasterReadError(f"{os.fspath(path)} holds {file.dtypes[0]}; a picture has 8 or 16 bits")
+        return _grey(file)
 
 
 def write_png(path: Path_, grey: Uint8s, overwrite: bool = False, opaque: Bools | None = None) -> None:

@@ -21,7 +21,7 @@ from rasterio.warp import transform as gdal_transform
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, RasterError, caused_errors
-from uavseg.plain_text import cause_of, shown
+from uavseg.plain_text import shown
 
 Transform = Callable[[Any, Any], tuple[Floats, Floats]]
 """From x and y to x and y of another CRS, arrays of one shape; infinite where there is no such place."""
@@ -296,11 +296,9 @@ def transformer_between(source: Any, target: Any, **how: bool) -> Any:
     """Return as `transform_between` the pyproj Transformer, which is chosen as its options say."""
     import pyproj
 
-    try:
+    lost = "there is no transformation between two of the coordinate reference systems"
+    with caused_errors(lost, RasterError, pyproj.exceptions.ProjError):
         return pyproj.Transformer.from_crs(source, target, always_xy=True, **how)
-    except pyproj.exceptions.ProjError as error:
-        what = f"two of the coordinate reference systems ({cause_of(error)})"
-        raise RasterError(f"there is no transformation between {what}") from error
 
 
 def geod_of(wkt: str) -> Any:

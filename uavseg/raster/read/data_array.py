@@ -14,7 +14,7 @@ from affine import Affine
 from rasterio.crs import CRS
 
 from uavseg.dataclass import dataclass
-from uavseg.errors import MissingLibraryError, RasterError, named_errors
+from uavseg.errors import MissingLibraryError, RasterError, caused_errors, named_errors
 from uavseg.plain_text import cause_of, shown
 from uavseg.raster.grid.geobox import check_transform
 from uavseg.raster.read.array_source import ArraySource, alpha_note, check_pixels, layout_of
@@ -107,14 +107,11 @@ def _rio(array: Any, name: str) -> Any:
 
 
 def _crs(rio: Any, name: str) -> CRS | None:
-    try:
+    unread = f"{name}: its coordinate reference system cannot be read"
+    form = '{} ({}); set it again, for instance with array.rio.write_crs("EPSG:32633")'
+    with caused_errors(unread, RasterError, Exception, form=form):  # of rioxarray, pyproj and rasterio
         found = rio.crs
         return CRS.from_user_input(found) if found else None
-    except Exception as error:  # whatever rioxarray, pyproj and rasterio make of attributes
-        raise RasterError(
-            f"{name}: its coordinate reference system cannot be read ({cause_of(error)}); set it again, for "
-            'instance with array.rio.write_crs("EPSG:32633")'
-        ) from error
 
 
 def _nodata(array: Any, rio: Any, name: str) -> float | None:

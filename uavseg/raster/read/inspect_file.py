@@ -15,7 +15,7 @@ from rasterio.enums import MaskFlags
 from rasterio.io import DatasetReader
 
 from uavseg.arrays import Path_
-from uavseg.errors import RasterError, RasterReadError, named_errors
+from uavseg.errors import RasterError, RasterReadError, caused_errors, named_errors
 from uavseg.plain_text import cause_of
 from uavseg.raster.access import opening
 from uavseg.raster.access.open_checked import is_local, is_online, open_checked
@@ -44,19 +44,14 @@ def inspect_file(path: Path_) -> RasterFile:
 def inspect_unless(path: Path_, is_other: Callable[[DatasetReader], bool]) -> RasterFile | None:
     """Return the metadata of a raster file as `inspect_file`; None where the open file is something else."""
     name = opening.as_file_name(os.fspath(path))
-    try:
-        with open_checked(name) as source:
-            return None if is_other(source) else _metadata(name, source)
-    except opening.GDAL_ERRORS as error:
-        raise RasterReadError(opening.open_error_text(name, error)) from error
+    with opening.open_errors(name), open_checked(name) as source:
+        return None if is_other(source) else _metadata(name, source)
 
 
 def inspect_open(source: DatasetReader) -> RasterFile:
     """Return the metadata of a raster that is open; errors are those of `inspect_file`."""
-    try:
+    with opening.open_errors(source.name):
         return _metadata(source.name, source)
-    except opening.GDAL_ERRORS as error:
-        raise RasterReadError(opening.open_error_text(source.name, error)) from error
 
 
 def _metadata(path: str, source: DatasetReader) -> RasterFile:
@@ -131,13 +126,11 @@ def _crs(source: DatasetReader, warnings: list[str]) -> CRS | None:
 @lru_cache
 def _check_proj() -> None:
     """Check PROJ's database: with one of another version, PROJ misreads coordinate reference systems."""
-    try:
+    lost = "PROJ finds no database, or that of another installation"
+    unread = f"coordinate reference systems cannot be read: {lost}"
+    form = "{} ({}); unset the environment variables PROJ_LIB and PROJ_DATA"
+    with caused_errors(unread, RasterError, *opening.GDAL_ERRORS, form=form):
         CRS.from_epsg(4326)
-    except opening.GDAL_ERRORS as error:
-        raise RasterError(
-            "coordinate reference systems cannot be read: PROJ finds no database, or that of another "
-            f"installation ({cause_of(error)}); unset the environment variables PROJ_LIB and PROJ_DATA"
-        ) from error
 
 
 def _layout(source: DatasetReader) -> BandLayout:

@@ -10,7 +10,7 @@ from urllib.parse import quote, urljoin
 
 from uavseg.access import current_policy, is_address
 from uavseg.arrays import Path_
-from uavseg.errors import RasterReadError
+from uavseg.errors import RasterReadError, caused_errors
 from uavseg.inputs import parse_json, read_bytes, read_start, regular_file
 from uavseg.plain_text import cause_of, first_of, shown
 from uavseg.raster.access.opening import drivers_of, file_exists, image_extensions, is_remote, names_no_file
@@ -93,12 +93,10 @@ def _expanded(name: str) -> list[str]:
 
 def _rasters_in(folder: str) -> list[str]:
     """Return image files of a folder, in the order of their names."""
-    try:
-        with os.scandir(folder) as entries:
-            shown = [entry for entry in entries if not entry.name.startswith(".") and entry.is_file()]
-            found = [one.name for one in shown if one.name.lower().endswith(_IMAGES)]
-    except OSError as error:
-        raise RasterReadError(f"{folder} cannot be listed ({error.strerror})") from error
+    failing = caused_errors(f"{folder} cannot be listed", RasterReadError, OSError)
+    with failing, os.scandir(folder) as entries:
+        shown = [entry for entry in entries if not entry.name.startswith(".") and entry.is_file()]
+        found = [one.name for one in shown if one.name.lower().endswith(_IMAGES)]
     if not found:
         raise RasterReadError(
             f"{folder} is a folder without rasters (.tif, .jp2, .img, .png ...); name files, or a pattern "

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.errors import ParameterError, RasterError
+from uavseg.errors import ParameterError, RasterError, caused_errors
 from uavseg.plain_text import one_line
 
 if TYPE_CHECKING:
@@ -201,8 +201,6 @@ def choose_bands(
     """
     if band is not None and rgb is not None:
         raise ParameterError("give band or rgb, not both")
-    if formula is not None and (band is not None or rgb is not None):
-        raise ParameterError("give band, rgb, index or expr: one of them")
     if palette and band is None and rgb is None and formula is None:
         return BandChoice((1,), np.dtype(np.uint8), 8, expanded=True)
     named = (band,) if band is not None else tuple(rgb) if rgb is not None else None
@@ -279,12 +277,9 @@ def as_nodata(value: float | str | None) -> float | str | None:
     if text == "none":
         return text
     number = text.removeprefix("only:")
-    try:
+    expected = "nodata is a number, only:NUMBER (without that of the file) or none"
+    with caused_errors(f"{expected}, not {value!r}", ParameterError, ValueError, form="{}"):
         found = float(number)
-    except ValueError:
-        raise ParameterError(
-            f"nodata is a number, only:NUMBER (without that of the file) or none, not {value!r}"
-        ) from None
     return found if number == text else f"only:{found:.17g}"
 
 

@@ -32,7 +32,7 @@ from rasterio.io import DatasetReader
 
 from uavseg.arrays import Bools
 from uavseg.dataclass import dataclass
-from uavseg.errors import RasterReadError
+from uavseg.errors import RasterReadError, caused_errors
 from uavseg.inputs import regular_file
 from uavseg.plain_text import cause_of
 from uavseg.raster.grid.tiling import Window, indices_within, sample_positions
@@ -197,11 +197,10 @@ def strip_rows(path: Path, source: DatasetReader) -> int | None:
     `source` is the image, open. A RasterBlockError says that its directory cannot be read.
     """
     place = int(source.get_tag_item("IFD_OFFSET", "TIFF", bidx=1))
-    try:
-        with path.open("rb") as file:
-            numbers = _checked_directory(TiffReader(file), place, is_first=False).numbers
-    except (OSError, struct.error, _IndexError) as error:
-        raise RasterBlockError(f"its directory cannot be read: {cause_of(error)}") from error
+    caught = OSError, struct.error, _IndexError
+    unread = caused_errors("its directory cannot be read", RasterBlockError, *caught, form="{}: {}")
+    with unread, path.open("rb") as file:
+        numbers = _checked_directory(TiffReader(file), place, is_first=False).numbers
     return None if _TILE_COLS in numbers else min(numbers.get(_STRIP_ROWS, source.height), source.height)
 
 
