@@ -103,6 +103,11 @@ def shown(value: object, quoted: bool = True) -> str:
     return one_line(" ".join(text.split()), 40 if len(text) > 60 else 60)
 
 
+def joined(names: Sequence[str]) -> str:
+    """Return names as a sentence lists them: "a", "a and b", or "a, b and c"."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
 def first_of(texts: Sequence[object], most: int, what: str = "") -> str:
     """List the first of some texts, and how many more of `what` there are."""
     more = f" and {len(texts) - most} more{what}" if len(texts) > most else ""

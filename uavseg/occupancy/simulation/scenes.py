@@ -36,7 +36,7 @@ from uavseg.errors import RasterError, SceneError, caused_errors, named_errors
 from uavseg.inputs import parse_json, read_bytes
 from uavseg.occupancy.mapping.scan import Pose
 from uavseg.occupancy.simulation.simulate import RangeFinder, Scene, Simulation
-from uavseg.plain_text import shown
+from uavseg.plain_text import joined, shown
 from uavseg.raster.grid.geobox import GeoBox, local_geobox
 
 _MAP_SHAPE = (320, 320)
@@ -170,15 +170,13 @@ def _circle(name: str, content: Any) -> tuple[float, float, float]:
 
 def _object(name: str, value: Any, required: Sequence[str], optional: Sequence[str]) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise SceneError(
-            f"{name} is an object with {_join_names(required or optional)}, not {_as_json(value)}"
-        )
+        raise SceneError(f"{name} is an object with {joined(required or optional)}, not {_as_json(value)}")
     for key in required:
         if key not in value:
-            raise SceneError(f"{name} needs {_join_names(required)}; {key} is missing")
+            raise SceneError(f"{name} needs {joined(required)}; {key} is missing")
     for key in value:
         if key not in (*required, *optional):
-            raise SceneError(f"{name} has no {key!r}; it has {_join_names((*required, *optional))}")
+            raise SceneError(f"{name} has no {key!r}; it has {joined((*required, *optional))}")
     return value
 
 
@@ -207,10 +205,6 @@ def _count(name: str, value: Any) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise SceneError(f"{name} is a whole number of at least 1, not {_as_json(value)}")
     return value
-
-
-def _join_names(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def _as_json(value: Any) -> str:

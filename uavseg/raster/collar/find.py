@@ -88,29 +88,28 @@ def _corners(dataset: Dataset, windows: list[Window]) -> list[Corner]:
 
 def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Corner]) -> Found | None:
     """Return the collar of a value; None if what has that value may be ground."""
-    from uavseg.raster.collar.evidence import Evidence, count_rim, grow_over_smear, is_one_piece
-    from uavseg.raster.collar.flood import flood_from_edges
+    from uavseg.raster.collar import evidence, flood
 
-    flooded = flood_from_edges(dataset, value, tile_pass)
-    counts = count_rim(dataset, flooded, value, tile_pass)
+    flooded = flood.flood_from_edges(dataset, value, tile_pass)
+    counts = evidence.count_rim(dataset, flooded, value, tile_pass)
     shape, total = dataset.geobox.shape, math.prod(dataset.geobox.shape)
     if counts.inside < SLIVER * total or not counts.shows_picture:
         return None
-    mask, added = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    mask, added = evidence.grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
     held = sum(is_nodata or found == value for is_nodata, found in corners)
     core = mask
     if counts.smear_limit >= 0:
-        core, _ = grow_over_smear(dataset, flooded, value, -1, tile_pass)
-    evidence = Evidence.of(counts, mask, shape, held, is_one_piece(core, shape))
+        core, _ = evidence.grow_over_smear(dataset, flooded, value, -1, tile_pass)
+    rim = evidence.Evidence.of(counts, mask, shape, held, evidence.is_one_piece(core, shape))
     color, share = "black" if value == 0 else "white", (counts.inside + added) / total
     percent = f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"
-    if evidence.is_collar:
+    if rim.is_collar:
         note = (
             f"a {color} collar of {percent} of the raster was treated as nodata; "
             '--collar keep (collar="keep") keeps it'
         )
         return mask, note
-    if evidence.may_be_collar:
+    if rim.may_be_collar:
         note = (
             f"{color} pixels along the edge, {percent} of the raster, may be a collar or ground; they were "
             f"kept: --nodata {value} (nodata={value}) leaves them out"
@@ -121,17 +120,16 @@ def _collar(dataset: Dataset, value: int, tile_pass: TilePass, corners: list[Cor
 
 def _rim_of_nodata(dataset: Dataset, tile_pass: TilePass) -> Found | None:
     """Return nodata with the nearly constant pixels along it; None if there are none."""
-    from uavseg.raster.collar.evidence import count_rim, grow_over_smear
-    from uavseg.raster.collar.flood import flood_from_edges
+    from uavseg.raster.collar import evidence, flood
 
     corners = tile_pass.silent.run(partial(_is_filled_white, dataset), _corner_windows(dataset))
     known = [is_white for is_white in corners if is_white is not None]
     value = (1 << dataset.bits) - 1 if known and all(known) else 0  # what nodata was filled with
-    flooded = flood_from_edges(dataset, None, tile_pass)
-    counts = count_rim(dataset, flooded, value, tile_pass)
+    flooded = flood.flood_from_edges(dataset, None, tile_pass)
+    counts = evidence.count_rim(dataset, flooded, value, tile_pass)
     if not (counts.shows_picture and counts.is_textured and counts.is_smeared) or counts.is_speckled:
         return None
-    mask, pixels = grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
+    mask, pixels = evidence.grow_over_smear(dataset, flooded, value, counts.smear_limit, tile_pass)
     color = "black" if value == 0 else "white"
     note = (
         f"{pixels:,} nearly {color} pixels along nodata were treated as nodata; "

@@ -7,7 +7,7 @@ from typing import Any
 from uavseg.dataclass import dataclass
 from uavseg.errors import ParameterError, caused_errors
 from uavseg.execution.executors import threads_of_gdal
-from uavseg.plain_text import one_line, shown
+from uavseg.plain_text import joined, one_line, shown
 
 _INTERNAL = ("NONE", "DEFLATE", "LZW", "PACKBITS")  # every build of GDAL has them
 _EXTERNAL = ("ZSTD", "LZMA")  # some builds have them
@@ -47,7 +47,7 @@ class CreationOptions:
         predictor = int(_one_of("PREDICTOR", given.get("PREDICTOR", "1"), ("1", "2", "3")))
         if predictor > 1 and compress not in _PREDICTED:
             raise ParameterError(
-                f"PREDICTOR={predictor} does not go with COMPRESS={compress}; it is for {_listed(_PREDICTED)}"
+                f"PREDICTOR={predictor} does not go with COMPRESS={compress}; it is for {joined(_PREDICTED)}"
             )
         bigtiff = _one_of("BIGTIFF", given.get("BIGTIFF", cls().bigtiff), _BIGTIFF)
         return cls(compress, levels[0] if levels else None, predictor, bigtiff)
@@ -127,7 +127,7 @@ def _text(name: Any, value: Any) -> str:
 def _one_of(name: str, value: str, allowed: tuple[str, ...]) -> str:
     if value not in allowed:
         which = "lossless compressions" if name == "COMPRESS" else "values"
-        raise ParameterError(f"{name}={one_line(value)} is not one of the {which} {_listed(allowed)}")
+        raise ParameterError(f"{name}={one_line(value)} is not one of the {which} {joined(allowed)}")
     return value
 
 
@@ -146,14 +146,10 @@ def _check_built(compress: str) -> None:
         return
     from rasterio.io import MemoryFile
 
-    from uavseg.raster.access.opening import GDAL_ERRORS, gdal_env, quiet_open
+    from uavseg.raster.access import opening
 
     how = {"driver": "GTiff", "width": 1, "height": 1, "count": 1, "dtype": "uint8", "compress": compress}
-    missing = f"GDAL is built without COMPRESS={compress} here; {_listed(_INTERNAL)} are there"
-    refusing = caused_errors(missing, ParameterError, *GDAL_ERRORS, form="{}")
-    with refusing, gdal_env(), MemoryFile(ext=".tif") as memory:
-        quiet_open(memory.name, "w", **how).close()
-
-
-def _listed(names: tuple[str, ...]) -> str:
-    return f"{', '.join(names[:-1])} and {names[-1]}"
+    missing = f"GDAL is built without COMPRESS={compress} here; {joined(_INTERNAL)} are there"
+    refusing = caused_errors(missing, ParameterError, *opening.GDAL_ERRORS, form="{}")
+    with refusing, opening.gdal_env(), MemoryFile(ext=".tif") as memory:
+        opening.quiet_open(memory.name, "w", **how).close()
