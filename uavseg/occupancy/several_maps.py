@@ -107,8 +107,7 @@ def cropped(probabilities: Float32s, geobox: GeoBox) -> tuple[Float32s, GeoBox]:
 
 def _corners(geobox: GeoBox) -> Floats:
     placement(geobox)  # refuses cells that are not square or not in metres
-    rows, cols = geobox.shape
-    return np.column_stack(geobox.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols]))
+    return np.column_stack(geobox.corners)
 
 
 def _resampled(one: PlacedMap, geobox: GeoBox) -> Float32s:

@@ -195,8 +195,7 @@ def _otsu_threshold(greys: Integers) -> float:
 
 
 def _bounds(box: GeoBox) -> tuple[float, float, float, float]:
-    rows, cols = box.shape
-    x, y = box.xy_from_pixel(np.array([0, 0, rows, rows]), np.array([0, cols, 0, cols]))
+    x, y = box.corners
     return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
 

@@ -340,7 +340,7 @@ def _is_same(grey: GreySource, blocks: BlockMap, window: Window) -> bool:
 
 def _is_same_place(one: GeoBox, other: GeoBox) -> bool:
     """Return whether the corners of two grids are at the same places, and on the ground too."""
-    (x, y), (x2, y2) = _corners(one), _corners(other)
+    (x, y), (x2, y2) = one.corners, other.corners
     t = one.transform
     side = min(float(np.hypot(t.a, t.d)), float(np.hypot(t.b, t.e)))
     if not _are_near(np.hypot(x - x2, y - y2), side) or (one.crs is None) != (other.crs is None):
@@ -353,11 +353,6 @@ def _is_same_place(one: GeoBox, other: GeoBox) -> bool:
         return False
     length = np.hypot(lon[0] - lon[-1], lat[0] - lat[-1]) / np.hypot(*one.shape)  # of a pixel, in degrees
     return _are_near(np.hypot(lon - lon2, lat - lat2), float(length))
-
-
-def _corners(geobox: GeoBox) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    rows, cols = geobox.shape
-    return geobox.xy_from_pixel(np.array([0, 0, rows, rows]), np.array([0, cols, 0, cols]))
 
 
 def _are_near(distances: NDArray[np.float64], side: float) -> bool:

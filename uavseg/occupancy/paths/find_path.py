@@ -161,8 +161,7 @@ def _pair(x: float, y: float) -> str:
 
 
 def _extent(box: GeoBox) -> str:
-    rows, cols = box.shape
-    x, y = box.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols])
+    x, y = box.corners
     return f"x {x.min():.12g}..{x.max():.12g} and y {y.min():.12g}..{y.max():.12g}"
 
 

@@ -122,6 +122,12 @@ class GeoBox:
         """The CRS as WKT 2, or None."""
         return None if self.crs is None else str(self.crs.to_wkt(version="WKT2_2019"))
 
+    @property
+    def corners(self) -> tuple[Floats, Floats]:
+        """Return x and y, (4,) each, of its corners: upper left, upper right, lower left, lower right."""
+        rows, cols = self.shape
+        return self.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols])
+
     @checked
     def xy_from_pixel(self, row: ArrayLike, col: ArrayLike) -> tuple[Floats, Floats]:
         """Map coordinates of pixel corners; (row + 0.5, col + 0.5) is the centre of a pixel.

@@ -232,6 +232,5 @@ def bounding_cells(bounds: Floats, shape: tuple[int, int]) -> Window:
 
 def extent(geobox: GeoBox) -> str:
     """Return the coordinates between which a grid lies, for messages."""
-    rows, cols = geobox.shape
-    x, y = geobox.xy_from_pixel([0, 0, rows, rows], [0, cols, 0, cols])
+    x, y = geobox.corners
     return f"x {x.min():.10g} to {x.max():.10g} by y {y.min():.10g} to {y.max():.10g}"
