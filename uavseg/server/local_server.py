@@ -209,9 +209,7 @@ class _Handler(BaseHTTPRequestHandler):
         self._send(refusal(status, "the request is not understood"))
 
     def do_GET(self) -> None:
-        headers: dict[str, list[str]] = {}
-        for name, value in self.headers.items():
-            headers.setdefault(name.lower(), []).append(value)
+        headers = {name.lower(): self.headers.get_all(name, []) for name in self.headers}
         path = self.server.gate.path_of(self.command, self.path, headers)
         if isinstance(path, Answer):
             self._send(path)
