@@ -12,7 +12,7 @@ from uavseg.flight.mission.items import CAMERA_DISTANCE, CHANGE_SPEED, WAYPOINT
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.terrain.leg_speeds import CHANGE_S, fewest_changes, speeds_of, with_speeds
+from uavseg.flight.terrain.follow import CHANGE_S, fewest_changes, speeds_of, with_speeds
 
 CAMERA = Camera("slow", (13.2, 8.8), (5472, 3648), 8.8, 2.5)
 PHOTOS = Photos(CAMERA, Overlap(75, 70))

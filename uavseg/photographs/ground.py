@@ -15,7 +15,7 @@ from uavseg.execution.executors import Progress
 from uavseg.flight.mission.items import HomePosition
 from uavseg.flight.mission.track import Plane
 from uavseg.photographs.read import HORIZON_DEG, Photograph, grouped
-from uavseg.plain_text import one_line, shown
+from uavseg.plain_text import shown
 from uavseg.raster.elevation.dem import Dem, SeaHeights, sea_from_ellipsoid
 
 Result = TypeVar("Result")
@@ -142,8 +142,7 @@ class Ground:
                 progress(done, len(photographs))
         left_out = grouped("left out, as ", left)
         if not made:
-            reasons = "; ".join(["no photograph shows ground that is known", *left_out])
-            raise PhotographError(one_line(reasons))
+            raise PhotographError("; ".join(["no photograph shows ground that is known", *left_out]))
         return made, [*left_out, *grouped("", doubts), *([] if self.dem is None else self.dem.notes())]
 
     def heights_m(self, lon: Floats, lat: Floats) -> Floats:

@@ -176,7 +176,7 @@ def read_photographs(
     found = [one for one in found if not math.isnan(one.yaw_deg)]
     left_out = grouped("left out, as ", left)
     if not found:
-        raise PhotographError(one_line("; ".join(["no photograph can be placed", *left_out])))
+        raise PhotographError("; ".join(["no photograph can be placed", *left_out]))
     assumed = [(one.path, note) for one in found for note in one.notes]
     return Taken(tuple(found), (*notes, *left_out, *grouped("", assumed)))
 

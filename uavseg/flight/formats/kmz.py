@@ -9,9 +9,9 @@ from io import BytesIO
 from uavseg.errors import MissionError
 from uavseg.flight.camera.camera import cameras
 from uavseg.flight.formats import wpml
+from uavseg.flight.formats.kml import MAX_BYTES
 from uavseg.flight.formats.options import DJI_MODELS, TURN_THROUGH, DjiModel, FileOptions
 from uavseg.flight.formats.wayline import Wayline, mission_of_wayline, wayline_losses, wayline_of
-from uavseg.flight.formats.xml_text import MAX_BYTES
 from uavseg.flight.mission.mission import Mission
 from uavseg.plain_text import cause_of
 

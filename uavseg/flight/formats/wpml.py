@@ -16,10 +16,10 @@ from itertools import count
 
 from uavseg.errors import MissionError
 from uavseg.flight.formats import wayline as waylines
+from uavseg.flight.formats.kml import KML_NAMESPACE, child, parse_xml, xml_text
 from uavseg.flight.formats.options import TURN_THROUGH, DjiModel, FileOptions
 from uavseg.flight.formats.wayline import Wayline, WaylinePoint, legs_m
 from uavseg.flight.formats.waypoints import decimal
-from uavseg.flight.formats.xml_text import KML_NAMESPACE, child, parse_xml, xml_text
 from uavseg.flight.mission.items import FRAME_RELATIVE, FRAME_TERRAIN
 from uavseg.plain_text import shown
 

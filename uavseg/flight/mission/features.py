@@ -164,6 +164,7 @@ def mission_of_features(features: Iterable[MissionFeature], name: str) -> Missio
 
 def _read_item(number: int, feature: MissionFeature) -> MissionItem:
     first, second, third, fourth = (_optional(feature, f"param{n}") for n in range(1, 5))
+    params = first, second, third, fourth
     if feature.places:
         lat, lon = feature.places[0][:2]
     else:
@@ -171,15 +172,7 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
     command, frame = int(_finite(feature, "command")), int(_finite(feature, "frame"))
     altitude_m, autocontinue = _finite(feature, "altitude_m"), _truth(feature, "autocontinue", True)
     with named_errors(f"item {number}", MissionError):
-        return MissionItem(
-            command=command,
-            frame=frame,
-            params=(first, second, third, fourth),
-            lat=lat,
-            lon=lon,
-            altitude_m=altitude_m,
-            autocontinue=autocontinue,
-        )
+        return MissionItem(command, frame, params, lat, lon, altitude_m, autocontinue)
 
 
 def _read_fence(feature: MissionFeature) -> mav.Fence:

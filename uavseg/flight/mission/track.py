@@ -13,6 +13,7 @@ import shapely
 from uavseg.arrays import Bools, Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.flight.camera.camera import Photos
+from uavseg.flight.mission.items import DEGREE_DECIMALS, Position
 from uavseg.raster.geodesy.globe import wrap_lon
 
 SAME_PLACE_M = 1e-3
@@ -37,6 +38,11 @@ class Plane:
         """Return degrees, longitude in [-180, 180]."""
         lon, lat = _projection(self.lat, self.lon)(np.asarray(x, float), np.asarray(y, float), inverse=True)
         return lon, lat
+
+    def positions(self, xy: Floats) -> tuple[Position, ...]:
+        """Return latitude and longitude in degrees of places (n, 2), rounded to a millimetre."""
+        lon, lat = self.lonlat_from_xy(*xy.T)
+        return tuple(map(tuple, np.round(np.column_stack([lat, lon]), DEGREE_DECIMALS).tolist()))
 
     def project_polygons(self, polygons: Sequence[Any] | Objects) -> Objects:
         """Densify polygons in degrees (lon, lat) and project them to metres, all at once.

@@ -14,7 +14,7 @@ from uavseg.errors import ParameterError
 from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.mission.items import AUTOPILOTS, MAX_DISTANCE_M, MAX_HEIGHT_M, MAX_ITEMS, RallyPoint
 from uavseg.flight.mission.mission import CRUISE_M_S, USUAL_MAX_HEIGHT_M
-from uavseg.flight.mission.vehicle import Vehicle, Wind
+from uavseg.flight.mission.vehicle import Vehicle, Wind, default_vehicle
 from uavseg.raster.elevation.dem import Dem
 
 MAX_MARGIN_M = 1000.0
@@ -376,6 +376,11 @@ class PlanParams:
                     "--zone-height counts from home, above which a flight that follows the ground (--dem, "
                     "--terrain) changes its height; leave it out: then the flight leads around the zones"
                 )
+
+    @property
+    def flown_by(self) -> Vehicle:
+        """The vehicle that is given, or the default one of the autopilot."""
+        return self.vehicle or default_vehicle(self.autopilot)
 
     @property
     def passes(self) -> "tuple[PlanParams, ...]":

@@ -19,7 +19,6 @@ from uavseg.flight.cover.lines import COARSE, MIN_LINE_M
 from uavseg.flight.cover.survey import MIN_TRIES, Costs, CoverParams, Survey, surveys as cover_region
 from uavseg.flight.mission.duration import CALM, leg_seconds
 from uavseg.flight.mission.track import HOVER_S, Track
-from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params import plan
 from uavseg.flight.patterns.perimeter import OffsetRings, default_tolerance_m, offset_rings
 
@@ -222,7 +221,7 @@ def _line_ends(params: plan.PlanParams) -> tuple[float, float]:
 
 def _line_costs(params: plan.PlanParams) -> Costs:
     """Return the function that estimates the time of legs, for `CoverParams`."""
-    vehicle, photos = params.vehicle or default_vehicle(params.autopilot), params.photos
+    vehicle, photos = params.flown_by, params.photos
     height, speed = params.altitude_m, params.speed_m_s
     # one of unknown direction favours no azimuth
     wind = CALM if params.wind is None or params.wind.from_deg is None else params.wind

@@ -12,8 +12,7 @@ from uavseg.flight.mission.items import HomePosition, MissionItem
 from uavseg.flight.mission.mission import Mission
 from uavseg.flight.mission.track import Track
 from uavseg.flight.params.plan import PlanParams
-from uavseg.flight.terrain.follow import WaypointHeights, constant_height
-from uavseg.flight.terrain.leg_speeds import speeds_of
+from uavseg.flight.terrain.follow import WaypointHeights, constant_height, speeds_of
 
 
 def fly_along(lon: Floats, lat: Floats, params: PlanParams, home: tuple[float, ...]) -> Mission:

@@ -15,15 +15,14 @@ from uavseg.flight.mission.estimate import estimate, landing_seconds
 from uavseg.flight.mission.items import WAYPOINT, HomePosition
 from uavseg.flight.mission.mission import BOARD_CAPACITY, Mission
 from uavseg.flight.mission.track import SAME_PLACE_M, Plane, Track
-from uavseg.flight.mission.vehicle import LEAST_WAY_M_S, Vehicle, Wind, default_vehicle
+from uavseg.flight.mission.vehicle import LEAST_WAY_M_S, Wind
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.along import items_along
 from uavseg.flight.planning.split import FlightLimits, RegionRoute, items_of, split_route
 from uavseg.flight.safety.check import fence_around, rally_of_flights
 from uavseg.flight.safety.keep_out import KeepOut, return_notes
 from uavseg.flight.terrain.altitude_profile import LegPoints, points_of_leg
-from uavseg.flight.terrain.follow import follow_ground
-from uavseg.flight.terrain.leg_speeds import fewest_changes, speed_notes, with_speeds
+from uavseg.flight.terrain.follow import fewest_changes, follow_ground, speed_notes, with_speeds
 
 FIXED_ITEMS = 5  # takeoff, speed, gimbal, return, and one in reserve
 ATTEMPTS = 8
@@ -91,7 +90,7 @@ def _split(
 
 def flight_limits(costs: "LegCosts", params: PlanParams) -> FlightLimits:
     """Return the limits of flights, with the costs that count against them."""
-    vehicle, limits = params.vehicle or default_vehicle(params.autopilot), params.limits
+    vehicle, limits = params.flown_by, params.limits
     climb = np.array([(0.0, 0.0, 0.0), (0.0, 0.0, params.altitude_m)])
     slow_m = min(params.altitude_m, vehicle.takeoff_height_m)
     up_s = float(leg_seconds(climb, vehicle.climb_m_s, vehicle)[0]) + vehicle.start_s
@@ -152,7 +151,7 @@ def _worst_costs(route: RegionRoute, plane: Plane, params: PlanParams, wind: Win
 
 def wind_notes(missions: Sequence[Mission], params: PlanParams) -> list[str]:
     """Return notes of speeds that the vehicle does not reach, and of the wind in which the reserve holds."""
-    vehicle = params.vehicle or default_vehicle(params.autopilot)
+    vehicle = params.flown_by
     notes = []
     if params.speed_m_s > vehicle.airspeed_m_s:
         notes.append(
@@ -209,18 +208,13 @@ class LegCosts:
     is_against: bool = False  # whether ways are flown against it, in all directions
     _known: dict[tuple[float, ...], LegPoints] = field(default_factory=dict)
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle of the plan, or the default one of its autopilot."""
-        return self.params.vehicle or default_vehicle(self.params.autopilot)
-
     def ways(self, home: Floats, places: Floats, length_m: Floats) -> tuple[Floats, Floats]:
         """Return the time from home (2,) to places (n, 2) and back, over level ground, from rest to rest.
 
         Where ways are longer than straight, `length_m` (n,), they are stretched. A straight way back is a
         return with its speed, height and landing; else it is that of the mission where that takes longer.
         """
-        vehicle, height = self.vehicle, self.params.altitude_m
+        vehicle, height = self.params.flown_by, self.params.altitude_m
         straight = np.hypot(*(places - home).T)
         stretch = np.where(straight > SAME_PLACE_M, length_m / np.maximum(straight, SAME_PLACE_M), 1.0)
         out, back = self._to_and_fro(home, places, self.params.speed_m_s)
@@ -240,8 +234,8 @@ class LegCosts:
         stops = np.ones(len(path), bool)
         wind = self.wind
         if self.is_against:
-            speed_m_s, wind = min(speed_m_s, self.vehicle.airspeed_m_s - wind.speed_m_s), CALM
-        seconds = leg_seconds(path, speed_m_s, self.vehicle, stops, wind=wind)
+            speed_m_s, wind = min(speed_m_s, self.params.flown_by.airspeed_m_s - wind.speed_m_s), CALM
+        seconds = leg_seconds(path, speed_m_s, self.params.flown_by, stops, wind=wind)
         return seconds[::2], seconds[1::2]
 
     def of(self, track: Track) -> tuple[Floats, Floats]:
@@ -261,7 +255,7 @@ class LegCosts:
         hold = np.zeros(len(path))
         hold[np.append(0, first + counts)] = track.hold_s
         seconds = np.add.reduceat(
-            leg_seconds(path, speed, self.vehicle, hold > 0, hold, self.wind) + hold[1:], first
+            leg_seconds(path, speed, self.params.flown_by, hold > 0, hold, self.wind) + hold[1:], first
         )
         change = np.diff(speed, prepend=speed[0])
         slower = (change < 0) & np.isin(np.arange(len(speed)), first)  # with a point before the line

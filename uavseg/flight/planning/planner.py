@@ -225,8 +225,8 @@ def blocks_of_surveys(surveys: Iterable[Survey], plane: Plane, params: PlanParam
         return ()
     return tuple(
         SurveyBlock(
-            outline=_positions(_outline(lines), plane),
-            waypoints=_positions(lines.reshape(-1, 2), plane),
+            outline=plane.positions(_outline(lines)),
+            waypoints=plane.positions(lines.reshape(-1, 2)),
             angle_deg=flown.angle_deg,
             spacing_m=float(params.spacing_m),
             height_m=float(params.altitude_m),
@@ -276,8 +276,3 @@ def _outline(lines: Floats) -> Floats:
     simple = shapely.simplify(shapely.Polygon(np.concatenate([left, right[::-1]])), SLACK * spacing_m)
     corners: Floats = shapely.get_coordinates(simple)[:-1]
     return corners
-
-
-def _positions(xy: Floats, plane: Plane) -> tuple[items.Position, ...]:
-    lon, lat = plane.lonlat_from_xy(*xy.T)
-    return tuple(map(tuple, np.round(np.column_stack([lat, lon]), items.DEGREE_DECIMALS).tolist()))

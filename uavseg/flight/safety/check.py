@@ -31,7 +31,6 @@ Name = Callable[[int], str]  # of the part of a mission with this number
 SLACK_M = 0.05  # for the decimals of a file and the local plane
 HEIGHT_SLACK_M = 0.5
 MAX_VERTICES = 64  # of all polygons together: what PX4 stores, and about what boards with ArduPilot do
-_DECIMALS = 8  # of degrees: a millimetre
 CIRCLE_QUARTER = 64  # sides of a quarter of a circle
 TOLERANCE_M = 0.01
 GAP_M = 0.2  # between the bounds of the ground
@@ -162,9 +161,7 @@ def fence_around(
 
 def _polygon(ring: Any, plane: Plane, inclusion: bool) -> FencePolygon:
     xy = shapely.get_coordinates(shapely.get_exterior_ring(ring))[:-1]
-    lon, lat = plane.lonlat_from_xy(*xy.T)
-    places = zip(np.round(lat, _DECIMALS).tolist(), np.round(lon, _DECIMALS).tolist(), strict=True)
-    return FencePolygon(tuple(places), inclusion)
+    return FencePolygon(plane.positions(xy), inclusion)
 
 
 def fence_problems(mission: Mission) -> list[str]:

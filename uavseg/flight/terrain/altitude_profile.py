@@ -7,7 +7,6 @@ import numpy as np
 from uavseg.arrays import Floats, Integers
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.mission.vehicle import default_vehicle
 from uavseg.flight.params.plan import FRAME, PlanParams
 from uavseg.raster.elevation.dem import Dem
 from uavseg.raster.geodesy.globe import geod_wgs84
@@ -292,7 +291,7 @@ def _is_within(along_m: Floats, climbed_m: Floats, tolerance_m: float, rates: Ra
 def rates_m_s(params: PlanParams) -> tuple[float, float]:
     """Return how fast the vehicle climbs and descends on a leg."""
     assert params.terrain is not None
-    return params.terrain.rates_m_s(params.vehicle or default_vehicle(params.autopilot))
+    return params.terrain.rates_m_s(params.flown_by)
 
 
 def points_within(along_m: Floats, height_m: Floats, tolerance_m: float) -> list[int]:

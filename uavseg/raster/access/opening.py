@@ -40,13 +40,8 @@ _WEB_SERVICES = ("WMS", "WMTS", "WCS")
 _DRIVERS = (
     {"GTiff": "tif tiff gtiff gtif btf tf8 cog", "VRT": "vrt", "PNG": "png", "JPEG": "jpg jpeg", "BMP": "bmp"}
     | {"GIF": "gif", "PNM": "pgm ppm pnm", "WEBP": "webp", "SRTMHGT": "hgt", "DTED": "dt0 dt1 dt2"}
-    | {
-        "NITF": "ntf nitf",
-        "GRIB": "grb grb2 grib grib2",
-        "GPKG": "gpkg",
-        "MBTiles": "mbtiles",
-        "netCDF": "nc",
-    }
+    | {"NITF": "ntf nitf", "GRIB": "grb grb2 grib grib2", "GPKG": "gpkg", "MBTiles": "mbtiles"}
+    | {"netCDF": "nc"}
 )
 _BY_EXTENSION: dict[str, tuple[str, ...]] = {
     **{f".{end}": (driver,) for driver, ends in _DRIVERS.items() for end in ends.split()},

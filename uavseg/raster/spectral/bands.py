@@ -189,9 +189,9 @@ def choose_bands(
 
     `band` names one, `rgb` three, `formula` those that it computes with. The default is luminance if the file
     has colours (or three or four bands that are not alpha), and the first band otherwise. The indices of a
-    palette are read as they are only if `band` or `formula` names their band. A ParameterError says that two
-    of `band`, `rgb` and `formula` are given, or that a band does not exist, a RasterError that the bands
-    cannot be intensity: complex numbers, CMYK, three bands of different types.
+    palette are read as they are only if `band` or `formula` names their band. A ParameterError says that
+    both `band` and `rgb` are given, or that a band does not exist, a RasterError that the bands cannot be
+    intensity: complex numbers, CMYK, three bands of different types.
 
     Examples
     --------
