@@ -142,8 +142,15 @@ def _mission_item(item: LinkItem, has_home_row: bool) -> MissionItem:
     if has_home_row and item.command in mav.HEADING_COMMANDS and params[3] == 0:
         params = (*params[:3], None)
     lat, lon = (item.x, item.y) if frame == mav.FRAME_MISSION else (item.x / _DEGREES, item.y / _DEGREES)
-    goes_on = bool(item.autocontinue)
-    result = MissionItem(item.command, frame, params, float(lat), float(lon), item.z, goes_on)
+    result = MissionItem(
+        command=item.command,
+        frame=frame,
+        params=params,
+        lat=float(lat),
+        lon=float(lon),
+        altitude_m=item.z,
+        autocontinue=bool(item.autocontinue),
+    )
     return result if has_home_row else replace(result, params=_shifted(result, 1))
 
 

@@ -172,7 +172,15 @@ def _read_item(number: int, feature: MissionFeature) -> MissionItem:
     command, frame = int(_finite(feature, "command")), int(_finite(feature, "frame"))
     altitude_m, autocontinue = _finite(feature, "altitude_m"), _truth(feature, "autocontinue", True)
     with named_errors(f"item {number}", MissionError):
-        return MissionItem(command, frame, params, lat, lon, altitude_m, autocontinue)
+        return MissionItem(
+            command=command,
+            frame=frame,
+            params=params,
+            lat=lat,
+            lon=lon,
+            altitude_m=altitude_m,
+            autocontinue=autocontinue,
+        )
 
 
 def _read_fence(feature: MissionFeature) -> mav.Fence:
