@@ -215,7 +215,7 @@ class CoverOptions(ProgramOptions):
 
 
 @job_command("cover", CoverOptions)
-def command(options: CoverOptions) -> None:
+def command(options: CoverOptions, reporter: Reporter) -> None:
     """Cover the free area of REGIONS by lines, to and fro, with free legs between them.
 
     REGIONS are polygons in the coordinates of the map. Lines and legs keep the radius of the robot from
@@ -224,7 +224,6 @@ def command(options: CoverOptions) -> None:
     """
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages)
     output, overwrite, robot = options.output, options.files.overwrite, options.robot
     suffix = ".geojson" if output == "-" else Path(output).suffix.lower()
     if suffix not in _FORMATS:

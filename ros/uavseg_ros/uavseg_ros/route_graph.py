@@ -191,7 +191,7 @@ class RouteGraphOptions(ProgramOptions):
 
 
 @job_command("route_graph", RouteGraphOptions)
-def command(options: RouteGraphOptions) -> None:
+def command(options: RouteGraphOptions, reporter: Reporter) -> None:
     """Make a route graph of REGIONS for Nav2's route server.
 
     REGIONS are polygons in the coordinates of the map. Each is a node, which has the id of the region; so is
@@ -200,7 +200,6 @@ def command(options: RouteGraphOptions) -> None:
     """
     from uavseg.output.atomic import check_target
 
-    reporter = Reporter(options.messages)
     output, overwrite, robot = options.output, options.files.overwrite, options.robot
     if output != "-":
         if not output.lower().endswith((".geojson", ".json")):
