@@ -31,8 +31,9 @@ from uavseg.cli import main
 from uavseg.flight.formats import files
 from uavseg.flight.link import link
 from uavseg.flight.mission.mission import Mission
-from uavseg.jobs.divide import divide as divide_job, original as original_job
+from uavseg.jobs.divide import divide as divide_job
 from uavseg.jobs.maps.build_map import simulate as simulate_job
+from uavseg.jobs.original import original as original_job
 from uavseg.jobs.source.open_source import open_source
 from uavseg.occupancy.map_file import write_states
 from uavseg.occupancy.paths.path_text import path_to_geojson

@@ -30,7 +30,10 @@ const [, , page_, executablePath] = process.argv;
   seen.kept = await list.locator("li input").first().isChecked();
   seen.summary = await list.evaluate((one) => one.parentElement.querySelector("p").textContent);
   await list.locator("li input").first().focus();
-  for (let n = 0; n < 260; n++) await page.keyboard.press("Tab");
+  for (let n = 0; n < 260; n++) {
+    await page.keyboard.press("Tab");
+    if (n % 10 === 0) await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+  }
   seen.tabbed = await page.evaluate(() => document.activeElement.ariaLabel);
   await browser.close();
   process.stdout.write(JSON.stringify(seen));
