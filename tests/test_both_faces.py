@@ -465,6 +465,7 @@ def test_answers_to_questions(source: str, words: Words) -> None:
         assert_equal(in_python(call), on_the_command_line("match", arguments, "out.geojson", lines))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("job", "sources", "words"),
     some_fast(
@@ -599,6 +600,7 @@ def test_web_maps(words: Words) -> None:
     assert_equal(call, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     [
@@ -713,6 +715,7 @@ def test_ranges_of_samples(source: Any, words: Words) -> None:
     assert_equal(call, expected)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "words"),
     some_fast(
@@ -1239,6 +1242,7 @@ RESUMES: list[Any] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", RESUMES)
 @pytest.mark.parametrize("name", ["held.plan", "missing.plan", "held.txt"])
 def test_rests_of_flights(name: str, start: Any) -> None:
@@ -1406,6 +1410,7 @@ def clouds_of(drive: Drive) -> list[Recorded]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("bag", "output", "words"),
     [

@@ -133,6 +133,7 @@ def test_a_contrast_on_an_edge_is_below_it_and_equal_edges_leave_bins_empty(refe
 # G
 
 
+@pytest.mark.slow
 @given(table=counts)
 @settings(max_examples=100)
 def test_G_is_the_log_likelihood_ratio_of_two_histograms(

@@ -88,6 +88,7 @@ def test_every_word_warns_of_what_is_wrong_with_a_raster(word: str, how: dict[st
     assert len(local) == 1 and local[0].filename == __file__
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*coordinates are local")
 @pytest.mark.parametrize(
     ("word", "how", "hint"),

@@ -79,6 +79,7 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_all_photographs_are_exit_code_0(flown: Path, tmp_path: Path) -> None:
     gaps = tmp_path / "gaps.geojson"
     result = check(flown / "survey.plan", "--photos", flown / "all", "--gaps", gaps)
@@ -90,6 +91,7 @@ def test_all_photographs_are_exit_code_0(flown: Path, tmp_path: Path) -> None:
     assert json.loads(gaps.read_text())["features"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "suffix",
     [".geojson", *(pytest.param(one, marks=pytest.mark.slow) for one in SUFFIXES[1:])],
@@ -205,6 +207,7 @@ def test_options_for_photographs_need_them(flown: Path, option: str) -> None:
             uavseg.check(flown / "survey.plan", **{option[2:]: "a" if option != "--home" else (47, 8)})
 
 
+@pytest.mark.slow
 def test_bad_input_is_one_line_and_writes_nothing(flown: Path, tmp_path: Path) -> None:
     survey_plan, gaps = flown / "survey.plan", tmp_path / "gaps.geojson"
     empty, other = tmp_path / "empty", tmp_path / "a.bin"

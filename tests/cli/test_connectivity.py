@@ -41,6 +41,7 @@ def test_files_hold_valid_regions_of_several_polygons(extension: str, more: tupl
     assert shapely.is_valid(eight).all() and np.isclose(shapely.area(eight).sum(), shapely.area(four).sum())
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_no_byte() -> None:
     write(Path("noise.tif"), speckled(5, (200, 210)).clip(1))
     words = (*PIXELS, "--connectivity", 8, "-q", "--overwrite")
@@ -51,6 +52,7 @@ def test_tiles_and_threads_change_no_byte() -> None:
     assert len(contents) == 1
 
 
+@pytest.mark.slow
 def test_another_connectivity_goes_on_from_the_same_tiles() -> None:
     write(Path("noise.tif"), speckled(5, (200, 210)).clip(1))
     for connectivity, more in ((4, ("--resume", "done")), (8, ("--resume", "done")), (8, ())):
@@ -82,6 +84,7 @@ def test_levels_have_it_too() -> None:
     assert four["pixels"].sum() == eight["pixels"].sum()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pattern", [(), ("--spacing", 20), ("--pattern", "perimeter")], ids=str)
 def test_a_mission_flies_each_polygon_of_a_region(pattern: tuple[Any, ...]) -> None:
     """As of any MultiPolygon: the same places as over the regions of connectivity 4."""

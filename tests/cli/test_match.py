@@ -70,6 +70,7 @@ def sample(name: str = "sample.gpkg", crs: str = "EPSG:32618", shape: object = N
     return name
 
 
+@pytest.mark.slow
 def test_regions_labels_and_what_is_reported() -> None:
     told = done(write(), "--like", LIKE, "-o", "a.gpkg", "--labels", "l.tif").stderr
     regions = geopandas.read_file("a.gpkg")

@@ -30,6 +30,7 @@ def run(*words: object) -> Result:
     return CliRunner().invoke(main, [*map(str, words)])
 
 
+@pytest.mark.slow
 def test_a_mission_goes_to_the_vehicle_and_comes_back(tmp_path: Path) -> None:
     plan, back = tmp_path / "fly.plan", tmp_path / "back.plan"
     files.write_mission(fenced(survey()), plan)
@@ -81,6 +82,7 @@ def test_a_waypoints_file_without_the_fence_says_so(tmp_path: Path) -> None:
     assert done.exit_code == 0 and "uavseg: warning: a .waypoints file cannot hold a fence" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_refusal_ends_with_1_and_names_the_item(tmp_path: Path) -> None:
     plan = tmp_path / "fly.plan"
     files.write_mission(survey(), plan)

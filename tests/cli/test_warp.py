@@ -71,6 +71,7 @@ def assert_near(found: geopandas.GeoDataFrame, whole: geopandas.GeoDataFrame, pi
     assert abs(a.area - b.area) < 0.1 * pixel * b.length
 
 
+@pytest.mark.slow
 def test_regions_are_those_of_the_whole_raster() -> None:
     refused = run("extract", "left.tif", "right.tif", *RANGE, "-o", "no.gpkg")
     assert refused.exit_code == 1 and "give --warp (warp=True)" in refused.stderr
@@ -102,6 +103,7 @@ def test_a_half_that_is_south_up_gives_the_very_same_regions() -> None:
     assert found == whole and len(found) > 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["extract", "levels"])
 def test_tiles_threads_and_a_second_run_change_no_byte(command: str) -> None:
     how = (*RANGE,) if command == "extract" else ("--width", "0.25")
@@ -115,6 +117,7 @@ def test_tiles_threads_and_a_second_run_change_no_byte(command: str) -> None:
         assert len(contents) == 1
 
 
+@pytest.mark.slow
 def test_a_part_of_it_has_the_pixels_of_the_whole() -> None:
     bounds = (512440.3, 5478380.2, 512600.7, 5478500.9)
     whole = uavseg.Dataset.open(["left.tif", "right.tif"], warp=True)
@@ -135,6 +138,7 @@ def test_a_part_of_it_has_the_pixels_of_the_whole() -> None:
     assert "block edges" not in of_map.stderr
 
 
+@pytest.mark.slow
 def test_a_summary_names_the_files_that_are_warped_and_the_line_to_try_warps_them() -> None:
     summary = json.loads(done("info", "left.tif", "right.tif", "--warp", "--json").stdout)
     assert [one for one in summary["warnings"] if one.startswith(NOTE)]
@@ -158,6 +162,7 @@ def test_both_halves_are_drawn_without_a_seam() -> None:
     assert np.median(off) < 3  # and the others are neighbours
 
 
+@pytest.mark.slow
 def test_one_raster_is_its_own_grid() -> None:
     done("extract", "whole.tif", *RANGE, "-o", "a.fgb")
     said = done("extract", "whole.tif", "--warp", *RANGE, "-o", "b.fgb").stderr
@@ -167,6 +172,7 @@ def test_one_raster_is_its_own_grid() -> None:
     assert {"left.fgb", "right.fgb"} <= {path.name for path in Path().iterdir()}
 
 
+@pytest.mark.slow
 def test_it_is_refused_where_there_is_nothing_to_warp() -> None:
     done("divide", "whole.tif", "-o", "map.tif")
     refused = run("extract", "map.tif", "--warp", *RANGE, "-o", "no.gpkg")
@@ -176,6 +182,7 @@ def test_it_is_refused_where_there_is_nothing_to_warp() -> None:
     assert not Path("no.gpkg").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "crs", "interval", "step"),
     [

@@ -36,6 +36,7 @@ class Items(Sequence[int]):
         return k
 
 
+@pytest.mark.slow
 @settings(max_examples=30)
 @given(st.lists(st.integers(), max_size=30), st.integers(1, 4))
 def test_results_are_those_of_a_loop(items: list[int], count: int) -> None:

@@ -251,6 +251,7 @@ def test_a_missing_file_is_refused(tmp_path: Path) -> None:
         files.read_mission(tmp_path / "none.plan")
 
 
+@pytest.mark.slow
 @given(fence=fences, rally=rally_points)
 @settings(max_examples=40)
 def test_a_fence_and_rally_points_written_are_read_equal(

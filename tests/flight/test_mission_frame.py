@@ -125,6 +125,7 @@ def test_warnings_of_a_mission_are_shown_as_text(mission: Mission) -> None:
     ElementTree.fromstring(html)
 
 
+@pytest.mark.slow
 def test_a_map_without_folium_says_what_to_install(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "folium", None)
     with pytest.raises(MissingLibraryError, match=r'pip install "uavseg\[explore\]"'):

@@ -167,6 +167,7 @@ def test_the_place_is_that_of_the_largest_expected_change(tile: Path) -> None:
     assert scores[chosen] == pytest.approx(max(scores[n] for n in free), rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "text"),
     [

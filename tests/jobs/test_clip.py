@@ -154,6 +154,7 @@ def test_bounds_and_an_area_go_together(tmp_path: Path) -> None:
     assert both == expected > 500
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tile", [64, 128, None])
 @pytest.mark.parametrize("collar", ["auto", "keep"])
 def test_regions_are_those_of_a_file_that_rasterio_cut_out(

@@ -89,6 +89,7 @@ def test_all_jobs_leave_it_out(path: str, tagged: str) -> None:
         assert any(NOTE in note for note in notes)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [ReadOptions(), KEEP])
 def test_a_block_map_remembers_how_its_raster_was_read(
     path: str, tmp_path: Path, options: ReadOptions

@@ -56,6 +56,7 @@ def assert_joined(one: Any, other: Any, kinds: NDArray[Any]) -> None:
     assert np.allclose(squares, other["pixels"] * (other["mean"] ** 2 + other["std"] ** 2))
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(st.integers(0, 10**6), SHAPES, st.sampled_from(WAYS))
 def test_regions_are_the_components_of_eight_neighbours(
@@ -68,6 +69,7 @@ def test_regions_are_the_components_of_eight_neighbours(
     assert len(other) == len(list(shapes(mask, mask=mask > 0, connectivity=8)))
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(st.integers(0, 10**6), SHAPES, st.sampled_from(["tv", "pixels"]))
 def test_classes_and_levels_are_joined_within_themselves(
@@ -96,6 +98,7 @@ def test_segments_that_touch_once_small_ones_are_merged_are_joined() -> None:
     assert found.geom_type.tolist() == ["MultiPolygon"] * 2
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(st.integers(0, 10**6), SHAPES)
 def test_merged_segments_are_components_of_eight_neighbours(seed: int, shape: tuple[int, int]) -> None:
@@ -106,6 +109,7 @@ def test_merged_segments_are_components_of_eight_neighbours(seed: int, shape: tu
     assert np.array_equal(partition(drawn(found, found["id"], shape)), partition(labels))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("refine", ["tv", "pixels", "none"])
 def test_tiles_and_threads_change_nothing(refine: str) -> None:
     image = speckled(7, (300, 290))
@@ -171,6 +175,7 @@ def test_statistics_of_bands_are_of_the_whole_region(tmp_path: Path) -> None:
         assert found[name][0] == pytest.approx(image[band][largest].mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "how"),
     [

@@ -28,6 +28,7 @@ def test_quantiles_part_any_histogram_at_numbers_between_its_values(
     assert len(edges) <= count - 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [None, 2, 3])
 @settings(max_examples=30)
 @given(pixels=st.dictionaries(greys, st.integers(1, 9), min_size=2, max_size=9))

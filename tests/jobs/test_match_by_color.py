@@ -234,6 +234,7 @@ def test_where_no_region_is_sure_enough_it_says_so(tmp_path: Path) -> None:
     assert any("a confidence of less than 1;" in text for text in made.warnings)
 
 
+@pytest.mark.slow
 def test_a_sample_of_few_pixels_is_refused(tile: Path) -> None:
     with pytest.raises(SampleError, match="32 valid pixels; expected at least 64"):
         match(open_raster(str(tile)), MatchRequest(Disc(1070, 940, 3), by="color"))

@@ -213,6 +213,7 @@ def test_likeness_is_that_of_blurred_bands_in_double_precision(tmp_path: Path) -
     assert ((tile >= 0.5) == (expected >= 0.5)).mean() > 0.999
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [(13, 30), (65, 66), (70, 20)])
 def test_small_rasters_are_sampled_within_their_ends(shape: tuple[int, int]) -> None:
     planes = np.random.default_rng(0).normal(size=(9, *shape)).astype(np.float32)

@@ -86,6 +86,7 @@ def test_the_order_of_maps_does_not_matter(maps: list[PlacedMap], random: object
     assert np.array_equal(one, other) and disputed == disputed_too
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(placed(), st.sampled_from([None, 0.06, 0.2]))
 def test_what_is_not_occupied_is_where_another_warper_puts_it(

@@ -38,6 +38,7 @@ def pieces(draw):
     return draw(st.permutations(windows))
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(pieces(), st.sampled_from(GRIDS), st.randoms(use_true_random=False))
 @pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")

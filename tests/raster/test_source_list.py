@@ -39,6 +39,7 @@ def test_a_pattern_is_the_files_that_match() -> None:
     assert expand_sources(["tiles/[bc].*"]) == ["tiles/b.tif", "tiles/c.jp2"]
 
 
+@pytest.mark.slow
 @given(names=st.lists(st.text(st.characters(exclude_characters="\0\n\r/", codec="utf-8"), min_size=1)))
 def test_a_list_gives_back_what_was_written(names: list[str]) -> None:
     zeros = b"".join(os.fsencode(name) + b"\0" for name in names)

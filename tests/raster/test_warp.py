@@ -72,6 +72,7 @@ def read(dataset):
     return values, np.ones(dataset.geobox.shape, bool) if valid is None else valid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_each_pixel_is_the_nearest_of_its_file(write_raster, case):
     crs, transform = CASES[case]
@@ -137,6 +138,7 @@ FILES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FILES)
 def test_interpolated_positions_have_the_floor_of_exact_ones(name):
     grid = LARGE if name != "kilometres" else GeoBox((9, 9), Affine(500, 0, 6e5, 0, -500, 5.4e6), LARGE.crs)
@@ -168,6 +170,7 @@ def of_three(write_raster):
     return files, Dataset.open(files, warp=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(data=st.data())
 def test_windows_change_no_pixel(of_three, data):
@@ -442,6 +445,7 @@ def test_the_refusal_names_warp_where_it_helps(write_raster, how, solved):
     assert "--warp" not in str(caught.value)  # which is not an option of elevation models
 
 
+@pytest.mark.slow
 @given(st.sampled_from(sorted(CASES)), st.permutations(range(3)))
 @settings(max_examples=12)
 def test_later_files_change_neither_the_grid_nor_each_other(write_raster, case, order):

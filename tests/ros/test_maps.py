@@ -133,6 +133,7 @@ def test_states_free_space_and_objects_are_those_of_the_command(
     assert found.unknown_in_free and not found.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tb3_sandbox", "depot"])
 def test_a_real_map_has_the_answers_of_the_command(shared_data: Path, tmp_path: Path, name: str) -> None:
     message = real_map(shared_data / "maps" / f"{name}.yaml")

@@ -139,6 +139,7 @@ def scene(seed: int, shape: tuple[int, int]) -> np.ndarray:
     return np.choose(kind, [fine, stripes, smooth, flat]).astype(np.uint16)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(16))
 def test_it_agrees_with_the_plain_version(seed: int, reference: ModuleType) -> None:
     rng = np.random.default_rng(1000 + seed)

@@ -68,6 +68,7 @@ def overlapping(seed: int, level: float = 0.1) -> np.ndarray:
     return np.asarray(0.5 + 0.1 * field + 0.1 * (field > 0.3) + noise(seed + 7, 0, level))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_a_class_then_its_complement_then_its_parts(seed: int) -> None:
     for v in (skewed(seed), skewed(seed, 8), squares(seed, 0.12), squares(seed, -0.08), overlapping(seed)):

@@ -136,6 +136,7 @@ def answer_to(content: bytes, port: int) -> bytes:
     return received
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "count",
     [200, pytest.param(2000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.thorough)],

@@ -409,6 +409,7 @@ def looking(place: str) -> Callable[[], bytes]:
     return swapped(b"followWayline</wpml:waypointHeadingMode>", point.encode())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "words"),
     [

@@ -166,6 +166,7 @@ def shore(pixel_m: float = 5.0) -> Any:
     return shapely.union_all(shapely.box(left, low, left + pixel_m, low + pixel_m))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("margin", [0, 5, 20, 40])
 def test_shores_of_many_steps_keep_few_corners_and_their_margin(margin: int) -> None:
     lakes = shore()

@@ -170,6 +170,7 @@ STATES = hnp.arrays(
 )
 
 
+@pytest.mark.slow
 @given(
     STATES,
     st.floats(-3.1, 3.1),

@@ -41,6 +41,7 @@ def test_contours_are_as_long_as_the_edges_of_segments(seed: int) -> None:
     assert length == pytest.approx(2 * edges)
 
 
+@pytest.mark.slow
 def test_segments_are_outlined_in_white_on_dark_and_on_light_ground(tmp_path: Path) -> None:
     labels = write(tmp_path / "labels.tif", thirds(), nodata=0)
     for ground, width in product((0.0, 1.0), (900, 300)):  # lines, and pixels where they are small

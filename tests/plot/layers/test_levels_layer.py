@@ -21,6 +21,7 @@ def segments(crs: Any = UTM, **columns: Any) -> geopandas.GeoDataFrame:
     return geopandas.GeoDataFrame(columns, geometry=[left, right], crs=crs)
 
 
+@pytest.mark.slow
 def test_levels_are_as_grey_as_their_interval(tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", np.full((128, 192), 7, np.uint8))
     table = segments(level=[1, 3], range_low=[0.0, 0.6], range_high=[0.3, 0.9])

@@ -65,6 +65,7 @@ def test_a_path_may_be_a_mission(suffix: str, tmp_path: Path) -> None:
     assert np.allclose(line, mission_layer.PathLayer.of(planned, frame).lines[0], atol=0.05)
 
 
+@pytest.mark.slow
 def test_a_path_is_white_on_free_ground_with_its_ends_in_colour(tmp_path: Path) -> None:
     raster = write(tmp_path / "a.tif", beliefs())
     plain, drawn = (

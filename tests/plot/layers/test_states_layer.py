@@ -27,6 +27,7 @@ def test_states_have_their_colours_and_nothing_stays_grey(tmp_path: Path) -> Non
     assert ((line == 255).all(axis=2).sum(axis=0) > 0.4 * len(line)).any()  # contours are white
 
 
+@pytest.mark.slow
 def test_a_ros_map_of_states_is_drawn_like_the_raster(tmp_path: Path) -> None:
     whole = np.where(states() == 0, 2, states())
     raster = write(tmp_path / "map.tif", beliefs(), LOCAL)

@@ -95,6 +95,7 @@ def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path
     assert regions > 10
 
 
+@pytest.mark.slow
 @needs_node
 def test_the_picture_of_cells_lies_where_the_raster_lies_and_its_area_is_that_of_the_regions(
     tmp_path: Path,

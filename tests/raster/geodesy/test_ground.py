@@ -117,6 +117,7 @@ def test_there_is_no_ground_beyond_a_pole():
     assert half == pytest.approx(510_065_621_724_088 / 90, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_a_raster_larger_than_its_projection_is_measured_where_there_is_ground():
     box = GeoBox((1000, 1000), Affine(36_000, 0, -18e6, 0, -18_000, 9e6), CRS.from_string("ESRI:54009"))
     ring = np.array([[400, 400], [400, 600], [600, 600], [600, 400]])

@@ -27,6 +27,7 @@ def written(path: Path, planes: np.ndarray, scale: float = 1.0) -> str:
     return str(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1.0, 0.0001])
 def test_values_are_those_that_are_read(tmp_path: Path, scale: float) -> None:
     planes = np.random.default_rng(1).integers(1, 9000, (4, *SHAPE)).astype(np.uint16)

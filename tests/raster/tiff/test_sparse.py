@@ -37,6 +37,7 @@ def plain_read(path: Path, shape: tuple[int, int]) -> np.ndarray:
 blocks = st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), max_size=6, unique=True)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     blocks, st.sampled_from(["uint8", "int16", "float32"]), st.sampled_from([None, 0, 7]), st.integers(3, 80)

@@ -63,6 +63,7 @@ def images(draw: st.DrawFn, classes: int = 4) -> NDArray[np.int64]:
     return small.repeat(grain, 0).repeat(grain, 1)
 
 
+@pytest.mark.slow
 @example(CHECKERBOARD)
 @example(CHECKERBOARD + 1)  # both colours are joined, across each other
 @example(RING.astype(np.int64))
@@ -85,6 +86,7 @@ def test_joined_regions_are_traced_components_of_eight_neighbours(image: NDArray
     assert sorted(one.wkb for one in parts[0]) == sorted(one.wkb for one in parts[1])
 
 
+@pytest.mark.slow
 @given(images())
 def test_without_a_contact_nothing_is_made_again(image: NDArray[np.int64]) -> None:
     apart = image.repeat(2, 0).repeat(2, 1)
@@ -117,6 +119,7 @@ def test_small_regions_are_those_that_are_small_once_joined() -> None:
     assert dropped(text, 2) == ["11....", "1.....", "....22", "......"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drawing", [Drawing(smooth_m=9), Drawing(regularize_m=3), Drawing(simplify_m=2)])
 @settings(max_examples=15)
 @given(image=images())

@@ -32,6 +32,7 @@ def regions_of(rows: list[tuple[int, float, str | None]]) -> Regions:
     return Regions(columns, polygons, CRS(32632).to_wkt())
 
 
+@pytest.mark.slow
 @given(rows=ROWS, size=st.integers(1, 50))
 def test_pyarrow_reads_what_the_regions_hold(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, float, str | None]], size: int
@@ -51,6 +52,7 @@ def test_pyarrow_reads_what_the_regions_hold(
     assert shapely.equals(shapely.from_wkb(table["geometry"].to_pylist()), regions.polygons).all()
 
 
+@pytest.mark.slow
 @given(rows=ROWS)
 def test_pyogrio_reads_what_the_regions_hold(
     tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[int, float, str | None]]

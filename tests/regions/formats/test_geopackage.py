@@ -125,6 +125,7 @@ def test_nothing_is_printed_of_a_crs_that_wkt_1_cannot_define(tmp_path: Path, ca
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.slow
 @given(
     st.lists(
         st.tuples(st.integers(-(2**63), 2**63 - 1), st.floats(allow_infinity=True), texts | st.none()),

@@ -59,6 +59,7 @@ values = st.recursive(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("extension", FORMATS)
 @settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(metadata=st.dictionaries(texts, values, min_size=1, max_size=4))

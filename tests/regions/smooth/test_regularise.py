@@ -84,6 +84,7 @@ def test_less_than_half_a_pixel_leaves_outlines_unchanged(metres: float) -> None
         assert shapely.equals(polygons, pixelwise(labels)).all() and kept == len(polygons)
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from([0.7, 1.5, 2, 3, 6]))
 @settings(max_examples=20, deadline=None)
 def test_outlines_stay_near_valid_and_shared(labels: Labels, metres: float) -> None:
@@ -102,6 +103,7 @@ def test_outlines_stay_near_valid_and_shared(labels: Labels, metres: float) -> N
     assert shapely.union_all(polygons).equals(shapely.box(0, 0, *labels.shape[::-1]))
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from([1.5, 3]))
 @settings(max_examples=20, deadline=None)
 def test_each_arc_stays_near_and_ends_at_its_nodes(labels: Labels, metres: float) -> None:
@@ -129,6 +131,7 @@ def test_adjacent_fields_share_straight_borders_and_a_direction() -> None:
         assert polygon.intersection(truth).area / polygon.union(truth).area > 0.97
 
 
+@pytest.mark.slow
 def test_a_hole_that_would_lie_outside_stays_inside() -> None:
     """A speck one pixel from the outline, which would move over it."""
     labels = drawn(roof("rectangle", 12))

@@ -40,6 +40,7 @@ def saved() -> SavedBlocks:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

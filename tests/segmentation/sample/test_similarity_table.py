@@ -36,6 +36,7 @@ def colors(seed: int, bands: int) -> tuple[NDArray[np.uint16], NDArray[np.uint16
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bands", [1, 2, 3, 5, 8])
 def test_a_kind_of_three_is_likely_and_the_others_are_not(bands: int) -> None:
     raster, sample = colors(bands, bands)
