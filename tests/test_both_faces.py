@@ -1294,6 +1294,7 @@ def test_checks_of_photographs(photos: str, words: Words) -> None:
     assert len(geopandas.read_file("gaps.geojson")) == len(found.gaps)
 
 
+@pytest.mark.slow
 def test_regions_in_memory_are_planned_as_from_their_file() -> None:
     frame = geopandas.read_file("regions.gpkg")
     content = Path("regions.geojson").read_bytes()

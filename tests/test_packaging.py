@@ -100,6 +100,7 @@ def test_only_a_tag_releases_and_no_job_has_more_rights_than_it_needs() -> None:
     assert {"build", "install"} <= set(workflow["jobs"]["pypi"]["needs"])
 
 
+@pytest.mark.slow
 def test_libraries_make_a_wheel_for_their_platform(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     build_backend = load_backend()
     given: list[Any] = []

@@ -147,6 +147,7 @@ def test_missions_do_not_depend_on_the_tile_size(fresh: Iterator[Path]) -> None:
     assert_same(*found)
 
 
+@pytest.mark.slow
 def test_overwriting_gives_the_same_bytes(fresh: Iterator[Path]) -> None:
     with chdir(next(fresh)):
         for _ in range(2):
@@ -201,6 +202,7 @@ def parts(cuts: list[int], end: int) -> list[tuple[int, int]]:
     return list(pairwise([0, *sorted(cuts), end]))
 
 
+@pytest.mark.slow
 def test_consistent_overlaps_do_not_change_the_result(fresh: Iterator[Path]) -> None:
     folder, image = next(fresh), scene(3, (150, 160), "uint8")
     whole = write(folder / "whole.tif", image)

@@ -119,6 +119,7 @@ def test_a_data_array_with_nodata_and_numbers_of_its_own() -> None:
     assert len(found) == 3 and found.total_bounds[0] == 4e5 + 16
 
 
+@pytest.mark.slow
 def test_options_are_those_of_the_command_line(raster: Path, regions: geopandas.GeoDataFrame) -> None:
     assert list(uavseg.extract(raster, RANGE, min_area=5000, fill_holes="201px")["pixels"]) == [3500, 1600]
     assert list(uavseg.extract(raster, RANGE, fill_holes=801.0)["holes"]) == [0, 0, 0]

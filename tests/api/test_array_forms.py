@@ -538,6 +538,7 @@ def test_an_overview_that_is_open_is_that_overview(tmp_path: Path) -> None:
         assert uavseg.info(file).rows == ROWS // 2
 
 
+@pytest.mark.slow
 def test_an_open_raster_is_read_by_threads_and_keeps_open(tmp_path: Path) -> None:
     path = tmp_path / "wide.tif"
     wide = np.tile(BASE, (4, 4))

@@ -69,6 +69,7 @@ def test_what_a_block_map_cannot_answer_is_refused(word: str, how: dict[str, Any
         getattr(uavseg, word)("blocks.tif", **how)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("word", "how"),
     [

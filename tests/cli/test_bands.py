@@ -81,6 +81,7 @@ def test_a_band_is_taken_by_name_or_number() -> None:
     assert len(colors[0]) > 0 and colors[0].equals(colors[1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "line",
     [

@@ -92,6 +92,7 @@ def test_all_photographs_are_exit_code_0(flown: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "suffix",
     [".geojson", *(pytest.param(one, marks=pytest.mark.slow) for one in SUFFIXES[1:])],

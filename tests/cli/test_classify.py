@@ -419,6 +419,7 @@ def test_path_knows_no_polarity_either() -> None:
 # The YAML file, wherever a raster is given
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

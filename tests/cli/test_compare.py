@@ -56,6 +56,7 @@ def done(*words: object) -> Result:
     return result
 
 
+@pytest.mark.slow
 def test_changes_are_a_file_of_regions_with_sums_and_a_picture() -> None:
     result = done("before.tif", "after.tif", *RANGE, "--png", "changes.png")
     assert "in range 3,400 to 3,200, of 32,000 on the grid of BOTH" in result.stderr

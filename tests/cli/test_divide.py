@@ -113,6 +113,7 @@ def test_it_loads_back_with_its_origin(folder: Path) -> None:
 # From it
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -172,6 +173,7 @@ def test_a_deviation_that_is_not_known_is_null_in_every_format(extension: str) -
     assert b"NaN" not in Path(f"out.{extension}").read_bytes() or extension not in ("geojson", "kml")
 
 
+@pytest.mark.slow
 def test_a_raster_is_found_beside_its_block_map_when_both_have_moved(folder: Path) -> None:
     done("divide", "tile.tif", "-o", "blocks.tif", "-q")
     wanted = regions("tile.tif")

@@ -195,6 +195,7 @@ def test_smooth_borders_stay_shared_and_may_be_simplified_then() -> None:
     assert kept("b.fgb")["perimeter_m"].tolist() == segments["perimeter_m"].tolist()
 
 
+@pytest.mark.slow
 def test_regular_segments_share_borders_and_are_the_same_bytes_for_all_tiles() -> None:
     write("a.tif", scene(6, (200, 150)))
     how = ("--width", 0.2, "-o", "a.fgb", "--regularize", 6, "-q", "--overwrite")

@@ -39,6 +39,7 @@ def test_the_picture_is_named_after_the_raster_unless_said_otherwise(raster: Pat
             assert picture.size[0] == width
 
 
+@pytest.mark.slow
 def test_only_stderr_speaks_and_quiet_says_nothing(raster: Path) -> None:
     loud, quiet = run(raster), run(raster, "-q", "--overwrite")
     assert (loud.stdout, loud.stderr.splitlines()[-1]) == ("", "wrote a.preview.png")

@@ -106,6 +106,7 @@ def test_a_consumer_that_stops_stops_the_work(run: Map) -> None:
     assert len(started) == settled
 
 
+@pytest.mark.slow
 def test_pending_items_are_never_started_once_the_consumer_stops() -> None:
     started: list[int] = []
     busy, release = threading.Barrier(3), threading.Event()

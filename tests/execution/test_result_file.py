@@ -44,6 +44,7 @@ def assert_same(one: Any, other: Any) -> None:
         assert repr(one) == repr(other)
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(results)
 def test_decoding_returns_what_was_encoded(result: Any) -> None:

@@ -39,6 +39,7 @@ def limits_of(track: Track) -> np.ndarray:
     return np.minimum(np.array(most), 12.0)
 
 
+@pytest.mark.slow
 @given(legs=LEGS)
 @settings(max_examples=80)
 def test_no_other_changes_of_speed_save_more(legs: list[tuple[float, float]]) -> None:

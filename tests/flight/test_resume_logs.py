@@ -242,6 +242,7 @@ def test_a_type_of_no_length_does_not_stop_the_reader(tmp_path: Path) -> None:
     assert read(content, tmp_path / "a.bin") == read(ARDUPILOT_LOG, tmp_path / "b.bin") is not None
 
 
+@pytest.mark.slow
 @given(st.binary(max_size=300), st.integers(0, 40))
 @settings(max_examples=60, deadline=None)
 def test_other_bytes_between_messages_change_nothing(noise: bytes, where: int) -> None:

@@ -52,6 +52,7 @@ def a_link(folder: Path) -> None:
     folder.symlink_to(folder.parent / "elsewhere")
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("made", [open_to_others, a_link, Path.touch], ids=["open", "link", "file"])
 def test_a_temporary_folder_that_others_may_have_made_is_not_used(

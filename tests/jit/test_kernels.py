@@ -76,6 +76,7 @@ def test_a_kernel_is_compiled_in_one_process_and_loaded_without_numba_in_the_nex
     assert lines == [["compiling doubled", "-322", "True"], ["-322", "False"]]
 
 
+@pytest.mark.slow
 def test_arrays_are_changed_in_place_and_scalars_come_back(engine: str, cache: Path, module_of: Load) -> None:
     module = module_of(DOUBLED)
     values = np.arange(4)
@@ -189,6 +190,7 @@ def test_a_transposed_array_and_a_missing_argument_are_refused(
         doubled(np.arange(4), np.ones((2, 3), np.int64), 1.0)
 
 
+@pytest.mark.slow
 def test_the_first_call_may_come_from_many_threads(
     engine: str, cache: Path, compiled: list[str], module_of: Load
 ) -> None:

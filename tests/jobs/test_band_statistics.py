@@ -306,6 +306,7 @@ def test_a_shapefile_in_which_two_names_would_be_one_is_refused(tmp_path: Path) 
     assert CliRunner().invoke(main, words.replace(".shp", ".gpkg").split()).exit_code == 0
 
 
+@pytest.mark.slow
 def test_each_raster_has_its_own(tmp_path: Path) -> None:
     paths = [write(tmp_path / f"{n}.tif", picture(2, "uint8", n)) for n in range(2)]
     done = uavseg.each(uavseg.extract, paths, f"{tmp_path}/{{stem}}.gpkg", **WORDS, band=1)
@@ -316,6 +317,7 @@ def test_each_raster_has_its_own(tmp_path: Path) -> None:
         assert columns(frame, ["b1", "b2"]).tolist() == columns(alone, ["b1", "b2"]).tolist()
 
 
+@pytest.mark.slow
 def test_levels_classes_and_a_folder_have_them_too(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
     path, values, names = uint8(tmp_path)

@@ -100,6 +100,7 @@ def test_bounds_hold_pixels_whose_centres_lie_between_them(some: tuple[float, fl
     assert place @ (0, 0) == (cols[0] / 2, -rows[0] / 2)
 
 
+@pytest.mark.slow
 @given(st.floats(1, 129), st.floats(-99, -1))
 def test_parts_beside_each_other_have_every_pixel_once(x: float, y: float) -> None:
     image = picture()

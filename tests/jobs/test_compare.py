@@ -125,6 +125,7 @@ def test_other_grids_and_coordinate_systems_are_those_of_gdals_nearest_neighbour
     assert abs(found.common - valid.sum()) <= 3
 
 
+@pytest.mark.slow
 def test_tiles_and_threads_change_nothing() -> None:
     transform, crs = GRIDS["turned"]
     first, second = placed(blobs(7, (200, 260))), placed(blobs(8, (200, 260)), transform, crs)

@@ -49,6 +49,7 @@ def same_components(regions: Any, wanted: NDArray[np.bool_], grid: Any = IDENTIT
     assert len(regions) == len(polygons)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(st.integers(0, 10**6), SHAPES, st.sampled_from([None, 64, 128]))
 def test_regions_are_the_components_of_the_threshold(

@@ -271,6 +271,7 @@ def test_what_cannot_be_is_refused() -> None:
 # In Python
 
 
+@pytest.mark.slow
 def test_the_public_word_gives_ranges_to_extract() -> None:
     image = scene(5)
     ranges = uavseg.suggest(image, stretch="none", tile=64, threads=2)

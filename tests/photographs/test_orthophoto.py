@@ -333,6 +333,7 @@ def test_a_coarse_map_is_of_means(scene: Path, tmp_path: Path) -> None:
     assert np.abs(pixels[0][inner] - theirs[inner]).mean() < 6
 
 
+@pytest.mark.slow
 def test_pixels_may_be_larger_than_a_photograph(scene: Path, tmp_path: Path) -> None:
     one = photograph(tmp_path / "a.tif")
     draw(one, scene)

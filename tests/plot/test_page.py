@@ -15,6 +15,7 @@ from uavseg.raster.grid.geobox import GeoBox
 LENGTHS = st.floats(0.1, 1e5)
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), LENGTHS, LENGTHS, st.floats(1, 12), st.floats(1, 12))
 def test_a_view_is_shown_whole_with_equal_units(

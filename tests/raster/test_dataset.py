@@ -75,6 +75,7 @@ def test_a_pickled_dataset_is_small(holed):
     assert len(pickle.dumps(holed)) < 4000
 
 
+@pytest.mark.slow
 def test_few_files_stay_open(write_raster):
     files = [
         write_raster(np.full((4, 4), k, np.uint8), transform=Affine(1, 0, 4 * k, 0, -1, 9)) for k in range(80)

@@ -107,6 +107,7 @@ def test_an_asset_gives_the_bytes_of_its_file(command: tuple[str, ...]) -> None:
     assert found[0] == found[1] and found[0] != ({}, "")
 
 
+@pytest.mark.slow
 def test_python_gives_the_bytes_of_the_file() -> None:
     expected = uavseg.extract("data/quarry.tif", range=(0.55, 1))
     for source in ("item.json#visual", Path("item.json#visual"), ["item.json#visual"]):

@@ -56,6 +56,7 @@ def by_rasterio(labels, transform):
     ]
 
 
+@pytest.mark.slow
 @given(pictures(), st.sampled_from(sorted(TRANSFORMS)))
 @settings(max_examples=60)
 def test_polygons_are_those_of_rasterio(labels, name):

@@ -137,6 +137,7 @@ def answer_to(content: bytes, port: int) -> bytes:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "count",
     [200, pytest.param(2000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.thorough)],

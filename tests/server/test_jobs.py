@@ -218,6 +218,7 @@ def test_wrong_questions_are_refused_in_a_sentence(
     assert words in json.loads(content)["error"]
 
 
+@pytest.mark.slow
 def test_what_a_plan_advises_is_a_field_of_the_page(server: MapServer) -> None:
     regions = run_job(server.url, "extract", {"low": 0, "high": 1})
     ids = [one["properties"]["id"] for one in regions["answer"]["regions"]["features"]]

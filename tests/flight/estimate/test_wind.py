@@ -18,6 +18,7 @@ from uavseg.flight.mission.vehicle import ARDUCOPTER, DIRECTIONS, PX4, Wind
 from uavseg.flight.params.plan import LimitParams, PlanParams
 
 
+@pytest.mark.slow
 @given(
     speed=st.floats(0.0, 9.0),
     towards=st.floats(0, 360),

@@ -39,6 +39,7 @@ def brute_force(stops: Stops, distances: np.ndarray, start: int, end: int) -> fl
     )
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 2), st.booleans(), st.booleans())
 @settings(max_examples=40)
 def test_few_stops_get_the_shortest_tour(

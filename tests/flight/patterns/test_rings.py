@@ -25,6 +25,7 @@ def legs(ring: np.ndarray) -> np.ndarray:
     return np.hypot(*np.diff(ring, axis=0).T)
 
 
+@pytest.mark.slow
 @given(fields(), st.floats(-15, 60), st.floats(0.2, 5), st.sampled_from(["skip", "fly"]))
 @settings(max_examples=80)
 def test_rings_lie_at_the_offset_within_the_tolerance(

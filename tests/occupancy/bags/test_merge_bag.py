@@ -78,6 +78,7 @@ def test_the_map_of_a_bag_is_the_map_of_its_scans(kind: str, tmp_path: Path) -> 
     assert_same_map(found.grid, direct(drive, found))
 
 
+@pytest.mark.slow
 def test_all_kinds_of_bags_give_the_same_map_to_the_bit(tmp_path: Path) -> None:
     maps = []
     for number, (ros, write) in enumerate(WRITERS.values()):

@@ -68,6 +68,7 @@ def test_a_path_leads_over_free_cells_and_is_as_long_in_reverse(seed: int, smoot
     assert path.warnings[0] == "a warning"
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(st.integers(0, 2**32), st.sampled_from([0.1, 0.3, 0.4]), st.booleans())
 def test_a_path_keeps_its_clearance_and_is_no_shorter_with_one(

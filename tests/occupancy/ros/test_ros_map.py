@@ -298,6 +298,7 @@ def test_a_truncated_png_is_refused(tmp_path: Path) -> None:
         read_ros_map(put(tmp_path, ALL, image="map.png"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", ["uavseg.occupancy.ros", "uavseg.occupancy.ros.ros_map"])
 def test_reading_ros_maps_loads_no_beams_and_no_kernels(module: str) -> None:
     code = f"import sys, {module}; print(*sys.modules)"

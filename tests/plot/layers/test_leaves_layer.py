@@ -51,6 +51,7 @@ def saved_blocks(path: Path, values: np.ndarray, box: GeoBox = BOX) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_leaves_are_outlined_where_they_lie(tmp_path: Path) -> None:
     values = np.full((128, 192), 0.5, np.float32)
     values[:20, :20] = 0.9

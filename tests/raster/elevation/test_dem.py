@@ -201,6 +201,7 @@ def test_without_a_grid_of_the_geoid_nothing_is_converted(monkeypatch: pytest.Mo
         network.set_network_enabled(before)
 
 
+@pytest.mark.slow
 def test_a_grid_of_the_geoid_that_is_there_is_used(tmp_path: Path) -> None:
     grid = Affine(1.0, 0, -180.5, 0, -1.0, 90.5)
     profile = {

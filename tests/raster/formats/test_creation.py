@@ -73,6 +73,7 @@ def test_pages_of_floats_are_the_same_to_the_bit(tmp_path_factory, words, seed):
     assert second.tobytes() == np.stack([values.astype(float)] * 2).tobytes()
 
 
+@pytest.mark.slow
 def test_levels_reach_gdal(tmp_path):
     image = np.random.default_rng(1).integers(0, 9, (256, 256)).astype(np.uint32)
     sizes = {}

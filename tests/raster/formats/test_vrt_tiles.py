@@ -73,6 +73,7 @@ def test_the_vrt_is_the_same_raster_as_one_file(tmp_path: Path, crs: Any, transf
         assert tile.crs == one.crs
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("gdalinfo") is None, reason="gdalinfo is not installed")
 def test_gdalinfo_reads_it_and_sums_up_the_same(tmp_path: Path) -> None:
     image = picture()

@@ -64,6 +64,7 @@ def test_local_coordinates_are_taken_for_metres() -> None:
     assert is_in_metres(None) and unit_factor(None) == 1 and not is_geographic(None)
 
 
+@pytest.mark.slow
 def test_a_text_that_is_not_a_crs_is_neither_geographic_nor_in_metres() -> None:
     assert not is_geographic("nonsense") and not is_in_metres("nonsense")
     with pytest.raises(RasterError, match="no transformation"):

@@ -49,6 +49,7 @@ def in_a_thread(folder: Path, *lines: str) -> tuple[str, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "suffix", [".gpkg", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".shp", ".fgb"))]
 )

@@ -115,6 +115,7 @@ def test_a_ring_that_touches_itself_is_an_exterior_and_a_hole() -> None:
     assert hole.tolist() == [0, 1] or hole.tolist() == [1, 0]
 
 
+@pytest.mark.slow
 @given(label_images(), st.sampled_from([1, 9, 40, 300]))
 @settings(max_examples=40)
 def test_packed_chains_are_the_chains(labels: Labels, side: int) -> None:

@@ -66,6 +66,7 @@ def pictures(draw: st.DrawFn) -> Labels:
     return named(image + draw(st.integers(0, 1)))
 
 
+@pytest.mark.slow
 @given(pictures())
 @settings(max_examples=60)
 def test_outlines_are_valid_and_separate_the_same_pixels(labels: Labels) -> None:
@@ -108,6 +109,7 @@ def test_outlines_stay_within_the_distance_of_the_pixel_edges(labels: Labels, me
     assert shapely.is_valid(polygons).all() and shapely.coverage_is_valid(polygons)
 
 
+@pytest.mark.slow
 @given(pictures(), st.integers(0, 3), st.integers(0, 3))
 @settings(max_examples=60)
 def test_a_moved_picture_has_moved_outlines(labels: Labels, down: int, across: int) -> None:

@@ -39,6 +39,7 @@ def equal(one: RegionOutlines, other: RegionOutlines) -> bool:
     return all(np.array_equal(a, b) for a, b in rings + sums)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from([64, 128]))
 @settings(max_examples=25)
 def test_tiles_change_no_segment(seed: int, side: int) -> None:

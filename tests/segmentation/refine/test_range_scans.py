@@ -80,6 +80,7 @@ def plain_smooth(inside: Image, valid: Image, grey: NDArray[np.uint16], low: flo
     return result
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(seeds, st.tuples(st.integers(1, 50), st.integers(1, 50)))
 def test_the_scans_are_those_of_a_plain_version(seed: int, shape: tuple[int, int]) -> None:
