@@ -14,7 +14,7 @@ import pytest
 from tests.test_imports import PACKAGE, imports, modules
 
 ROOT = PACKAGE.parent
-MAX_LINES, MAX_FILES = 67_999, 349  # of the package, in Python
+MAX_LINES, MAX_FILES = 67_999, 351  # of the package, in Python
 MAX_LAZY = 269  # imports of our modules within functions, such as of commands, which load what they need
 LAZY_FOLDERS = {"cli", "jobs", "plot", "raster", "options", "regions", "flight", "execution", "__main__"}
 MAX_STARTED = 141  # modules of ours that `uavseg extract` of one tile loads

@@ -11,14 +11,13 @@ from uavseg._version import __version__
 
 if TYPE_CHECKING:
     from uavseg.api.each import each as each, extract_to as extract_to
+    from uavseg.api.exploration import explore as explore, next_views as next_views
     from uavseg.api.maps import (
         build_map as build_map,
         classify as classify,
         compare as compare,
-        explore as explore,
         mask as mask,
         merge_maps as merge_maps,
-        next_views as next_views,
         path as path,
     )
     from uavseg.api.missions import (
@@ -50,7 +49,8 @@ if TYPE_CHECKING:
 
 _NAMES = {
     "api.rasters": "extract divide levels",
-    "api.maps": "build_map compare mask merge_maps classify path next_views explore",
+    "api.maps": "build_map compare mask merge_maps classify path",
+    "api.exploration": "next_views explore",
     "api.each": "each extract_to",
     "api.widget": "RangeWidget",
     "api.questions": "info match suggest",

@@ -10,7 +10,8 @@ from tests.flight.pixel_regions import pixel_region
 from tests.flight.small_regions import box, degrees, flights, inside, planned
 from uavseg.errors import MissionError
 from uavseg.flight.avoid import free_space
-from uavseg.flight.avoid.free_space import MANY_CORNERS, FreeSpace
+from uavseg.flight.avoid.enclosing import MANY_CORNERS
+from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.cover.corridor import corridor
 from uavseg.flight.cover.survey import CoverParams, surveys
 from uavseg.flight.mission.track import Plane

@@ -1,4 +1,4 @@
-"""Maps of probabilities: from recorded bags, their states, paths over them, and where a robot looks next."""
+"""Maps of probabilities: from recorded bags, their states, and paths over them."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from uavseg.execution.executors import Progress
 from uavseg.jobs.maps.build_map import build_map as run_build_map, merge_params, topics_of
 from uavseg.jobs.maps.classify import Classification, classify as run_classify, classify_request
 from uavseg.jobs.maps.compare import Comparison, compare as run_compare, compare_job, open_both
-from uavseg.jobs.maps.explore import Explored, NextViews, explore as run_explore, next_views as run_next_views
 from uavseg.jobs.maps.mask import FilterMask, mask as run_mask
 from uavseg.jobs.maps.merge_maps import MergedMap, merge_maps as run_merge_maps
 from uavseg.jobs.maps.path import path as run_path, path_request
 from uavseg.jobs.source.open_source import open_probability_map
 from uavseg.occupancy.bags.merge_bag import BuiltMap
 from uavseg.occupancy.paths.find_path import PlannedPath
-from uavseg.options.maps import BuildMapOptions, ClassifyOptions, ExploreOptions, NextViewOptions, PathOptions
+from uavseg.options.maps import BuildMapOptions, ClassifyOptions, PathOptions
 from uavseg.options.option import build
 from uavseg.options.regions import CompareOptions
 from uavseg.regions.edit.small import as_area
@@ -419,127 +418,3 @@ def mask(
         If the regions or the map cannot be read, they do not touch it, or the speed is no per cent.
     """
     return run_mask(regions, map, speed, layer)
-
-
-@job_function
-def next_views(
-    source: Any,
-    pose: Sequence[float],
-    range: float,
-    *,
-    fov: float = 360.0,
-    count: int = 5,
-    clearance: float = 0.0,
-    free_below: float = 0.498,
-    occupied_above: float = 0.502,
-    band: int | str | None = None,
-    index: str | None = None,
-    expr: str | None = None,
-    band_names: str | None = None,
-    nodata: float | str | None = None,
-    stretch: str | None = None,
-    free_is_white: bool | None = None,
-    tile: int | None = None,
-    threads: int | None = None,
-    progress: Progress | bool | None = None,
-    resume: str | os.PathLike[str] | None = None,
-    allow_path: Folders = (),
-    allow_network: bool = False,
-) -> NextViews:
-    """Find the poses from which a robot would see what is unknown in a map, the best first.
-
-    Views stand on free cells and see the frontiers, where free cells border unknown ones. The best begins the
-    shortest tour through all of them that ends where unknown space goes on farthest.
-
-    Parameters
-    ----------
-    source : path, array, DataArray, open raster of rasterio, OccupancyGrid or Dataset
-        A map of probabilities in metres with square cells, as of `classify`.
-    pose : (float, float) or (float, float, float)
-        Where the robot is: x and y on the map, and its heading in degrees, counterclockwise from the x axis.
-    range, fov : float
-        How far the sensor sees, in metres, and its field of view in degrees.
-    count : int
-        At most so many views are returned.
-    clearance : float
-        Metres from the robot's centre to everything that is not free.
-    free_below, occupied_above, free_is_white
-        As of `classify`.
-    band, ..., allow_network
-        As of `classify`.
-
-    Returns
-    -------
-    found : NextViews
-        `views`, the best first: each with its `pose`, the safe `way` to it (a PlannedPath), `bits` (the
-        entropy of the cells that a scan there is expected to reach), `frontier_m` (length of the frontiers
-        that it sees) and `score` (1 for the best). Empty where nothing that can be reached is unknown, with a
-        warning. `to_geojson()`.
-
-    Raises
-    ------
-    MapError
-        If the pose lies outside of the map or not on a free cell, or cells are not square metres.
-    UavsegError
-        If the map cannot be read, or a parameter is wrong.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> room = np.full((64, 64), 0.5)
-    >>> room[20:40, 10:30] = 0.1
-    >>> room[19:41, 9] = room[19, 9:31] = room[40, 9:31] = 0.9
-    >>> best = next_views(room, pose=(12.5, 34.5), range=10.0).views[0]
-    >>> best.pose.x > 12.5, best.score
-    (True, 1.0)
-    """
-    options = build(NextViewOptions, locals())
-    opened = open_probability_map(source, options.read)
-    return run_next_views(opened, options, work(options.run, progress))
-
-
-@job_function
-def explore(
-    scene: str | os.PathLike[str],
-    *,
-    start: Sequence[float] | None = None,
-    range: float | None = None,
-    fov: float | None = None,
-    sigma: float | None = None,
-    step: float | None = None,
-    clearance: float = 0.0,
-    seed: int = 0,
-    allow_path: Folders = (),
-    allow_network: bool = False,
-) -> Explored:
-    """Let a simulated robot explore a scene until nothing that it can see is unknown.
-
-    Parameters
-    ----------
-    scene : str or path
-        "lens" or "circles", the JSON file of a scene, or a robot's map (YAML or raster), whose free cells the
-        robot may enter and whose others are solid.
-    start : (float, float) or (float, float, float), optional
-        x, y and the heading in degrees; the first pose of the scene by default.
-    range, fov, sigma, step : float, optional
-        Of the sensor: reach in metres, field of view in degrees, standard deviation of ranges in metres, and
-        degrees between beams. Those of the scene by default; a map has none, and `range` is required.
-    clearance : float
-        Metres from the robot's centre to everything that is not free.
-    seed : int
-        Of the noise; the same seed gives the same drive.
-    allow_path, allow_network
-        As of `extract`.
-
-    Returns
-    -------
-    found : Explored
-        `drive`, with its `poses`, `metres` and the `grid` that the robot made; `share` of what can be known
-        that is known; `to_geojson()` and `table()`.
-
-    Raises
-    ------
-    UavsegError
-        If the scene cannot be read, the start lies in something solid, or a parameter is wrong.
-    """
-    return run_explore(build(ExploreOptions, locals() | {"scene": os.fspath(scene)}))

@@ -8,7 +8,7 @@ import shapely
 from hypothesis import given, settings, strategies as st
 
 from tests.flight.pixel_regions import pixel_region
-from uavseg.flight.avoid.free_space import MANY_CORNERS, enclosing, without_small_holes
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from tests.flight.pixel_regions import pixel_region
 from tests.flight.small_regions import HOME, box, degrees, inside
 from uavseg.errors import MissionError
 from uavseg.execution.executors import watched
-from uavseg.flight.avoid import free_space
+from uavseg.flight.avoid import enclosing
 from uavseg.flight.mission.track import Plane
 from uavseg.flight.params.plan import PlanParams
 from uavseg.flight.planning.planner import plan_missions
@@ -40,7 +40,7 @@ def ring_of_boxes(radius_m: float, count: int) -> list[Any]:
 def test_groups_of_any_size_give_a_place_at_the_usual_distance(
     corners: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(free_space, "GROUP_CORNERS", corners)
+    monkeypatch.setattr(enclosing, "GROUP_CORNERS", corners)
     regions = [degrees(polygon) for polygon in pixel_region(300, 5)]
     home = metres(home_outside(regions, inside(regions)))
     distance = shapely.distance(shapely.union_all(PLANE.project_polygons(regions)), shapely.Point(home))
@@ -51,7 +51,7 @@ def test_groups_of_any_size_give_a_place_at_the_usual_distance(
 def test_a_ring_of_many_regions_encloses_what_lies_in_it(
     corners: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(free_space, "GROUP_CORNERS", corners)
+    monkeypatch.setattr(enclosing, "GROUP_CORNERS", corners)
     regions = ring_of_boxes(100, 24)
     home = metres(home_outside(regions, inside(regions)))
     assert np.hypot(*home) > 100
@@ -71,7 +71,7 @@ def test_few_regions_are_united_as_before() -> None:
 @pytest.mark.slow
 def test_no_call_unites_many_regions(monkeypatch: pytest.MonkeyPatch) -> None:
     regions = [box(12.0 * (k % 100), 12.0 * (k // 100), 4, 4) for k in range(8000)]
-    monkeypatch.setattr(free_space, "GROUP_CORNERS", 2000)
+    monkeypatch.setattr(enclosing, "GROUP_CORNERS", 2000)
     united, union_all = [], shapely.union_all
 
     def counted(areas: Any, *words: Any) -> Any:

@@ -21,7 +21,7 @@ from shapely.ops import substring
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.avoid.free_space import MANY_CORNERS
+from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.cover import lines as swaths
 from uavseg.flight.cover.lines import MIN_LINE_M, OrderParams, flight_space, grid_lines, path_length
 from uavseg.flight.cover.survey import axes

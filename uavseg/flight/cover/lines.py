@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 from uavseg.arrays import Floats, Integers, Objects
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError, ParameterError
-from uavseg.flight.avoid.free_space import MANY_CORNERS, FreeSpace, enclosing, without_small_holes
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, without_small_holes
+from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.order.tour import Stops, short_tour
 
 LEEWAY = 0.6  # spacings by which lines, and legs between them, may leave the region

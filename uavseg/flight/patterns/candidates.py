@@ -12,7 +12,7 @@ import shapely
 from uavseg.arrays import Bools, Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
-from uavseg.flight.avoid.free_space import MANY_CORNERS, enclosing
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing
 from uavseg.flight.camera.camera import NADIR_DEG, Photos
 from uavseg.flight.cover.corridor import corridor, is_long_and_thin
 from uavseg.flight.cover.lines import COARSE, MIN_LINE_M

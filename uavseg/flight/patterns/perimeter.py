@@ -9,7 +9,7 @@ import shapely
 
 from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
-from uavseg.flight.avoid.free_space import MANY_CORNERS
+from uavseg.flight.avoid.enclosing import MANY_CORNERS
 from uavseg.flight.mission.track import leg_lengths
 from uavseg.flight.params.plan import MIN_MARGIN_M, PerimeterParams
 

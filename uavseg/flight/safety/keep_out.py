@@ -14,14 +14,8 @@ from uavseg.arrays import Floats
 from uavseg.dataclass import dataclass
 from uavseg.errors import MissionError
 from uavseg.execution.executors import steps_done
-from uavseg.flight.avoid.free_space import (
-    MANY_CORNERS,
-    FreeSpace,
-    enclosing,
-    filled_parts,
-    merged,
-    neighbour_groups,
-)
+from uavseg.flight.avoid.enclosing import MANY_CORNERS, enclosing, filled_parts, merged, neighbour_groups
+from uavseg.flight.avoid.free_space import FreeSpace
 from uavseg.flight.mission.track import Plane, Track, leg_lengths, plane_around
 from uavseg.flight.mission.vehicle import returning_vehicles
 from uavseg.flight.params.plan import PlanParams
