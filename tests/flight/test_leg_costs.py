@@ -1,5 +1,6 @@
 """What legs take before a route is divided: as much as the flights that are made of it."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from uavseg.flight.params.plan import LimitParams, PlanParams, SafetyParams, Ter
 from uavseg.flight.planning import flights
 from uavseg.flight.planning.flights import LegCosts
 from uavseg.flight.planning.planner import plan_missions
+from uavseg.flight.terrain.altitude_profile import points_of_leg
 from uavseg.raster.elevation.dem import Dem
 
 PLANE = Plane(*HOME)
@@ -40,6 +42,26 @@ def test_a_height_in_whole_metres_takes_as_long_as_one_with_decimals() -> None:
     assert np.array_equal(whole.ways(home, places, length), exact.ways(home, places, length))
     track = Track.of_path(places)
     assert np.array_equal(whole.of(track)[0], exact.of(track)[0])
+
+
+def test_legs_over_hills_take_the_time_of_their_points_one_by_one(tmp_path: Path) -> None:
+    dem = Dem.open(draw(tmp_path / "a.tif", hills(120)))
+    params = PlanParams(60, autopilot="px4", terrain=TerrainParams(dem))
+    track = Track.of_path(np.array([[-300.0, -200.0], [400.0, 100.0], [450.0, 100.0], [0.0, 350.0]]))
+    path, speeds, ends = [], [], [0]
+    for start, end in pairwise(track.xy):
+        (west, east), (south, north) = PLANE.lonlat_from_xy(*np.stack([start, end], axis=1))
+        points = points_of_leg(dem, (west, south, east, north, 5.0), params)
+        if not path:
+            path.append([*start, points.height_m[0]])
+        for share, height in zip(points.share, points.height_m[1:], strict=True):
+            path.append([*(start + share * (end - start)), height])
+        speeds.extend(points.speed_m_s)
+        ends.append(len(path) - 1)
+    expected = leg_seconds(np.array(path), np.array(speeds), PX4)
+    seconds, items = LegCosts(PLANE, params).of(track)
+    assert seconds == pytest.approx([expected[a:b].sum() for a, b in pairwise(ends)])
+    assert (items >= np.diff(ends) - 1).all() and len(path) > len(track.xy)
 
 
 @pytest.mark.slow
