@@ -10,6 +10,7 @@ import threading
 import time
 import warnings
 from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -209,24 +210,41 @@ def test_connections_that_show_no_token_keep_nobody_out(server: MapServer) -> No
             connection.close()
 
 
-def test_more_requests_with_the_token_than_there_are_places_are_refused(server: MapServer) -> None:
-    token, port = server.url.split("/")[3], int(server.url.split(":")[2].split("/")[0])
+def test_more_requests_with_the_token_than_there_are_places_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    taken = threading.Semaphore(0)
+
+    class Counting(LocalServer):
+        @contextmanager
+        def slot(self, request: Any) -> Iterator[bool]:
+            with super().slot(request) as is_free:
+                taken.release()
+                yield is_free
+
+    monkeypatch.setattr(local_server, "TIMEOUT_S", 600.0)  # a busy machine takes its time
+    served = Counting(lambda method, path, body: json_answer(None))
+    threading.Thread(target=served.serve_forever, args=(0.01,), daemon=True).start()
     head = (
-        f"POST /{token}/jobs/extract HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Type: application/json\r\n"
+        f"POST /{served.gate.token}/jobs/extract HTTP/1.1\r\nHost: {served.gate.hosts[0]}\r\n"
+        "Content-Type: application/json\r\n"
     )
-    held = [socket.create_connection(("127.0.0.1", port), timeout=20) for _ in range(MAX_REQUESTS)]
-    try:
-        for connection in held:
+    with ExitStack() as held:
+        held.callback(served.server_close)
+        held.callback(served.shutdown)
+        for _ in range(MAX_REQUESTS):
+            connection = held.enter_context(socket.create_connection(served.server_address))
             connection.sendall(f"{head}Content-Length: 5\r\n\r\n1".encode())
-        for _ in range(1000):  # until the last of them has its place
-            found = fetch(server.url)
-            if found[0] != 200:
+            assert taken.acquire(timeout=60), "a request with the token has no place"
+        for _ in range(3):
+            assert fetch(served.url) == (503, b'{"error": "too many requests are open; ask again"}')
+        connection.close()  # its body ends too early, and its place is free again
+        for _ in range(1000):
+            if fetch(served.url)[0] == 200:
                 break
             time.sleep(0.02)
-        assert found == (503, b'{"error": "too many requests are open; ask again"}')
-    finally:
-        for connection in held:
-            connection.close()
+        else:
+            pytest.fail("the place of a closed connection was not given back")
 
 
 @pytest.mark.parametrize("start", ["GET /x", "POST /{token}/jobs/extract HTTP/1.1\r\nHost: 127.0.0.1"])
