@@ -342,9 +342,9 @@ def test_preview_draws_regions_in_the_colours_of_their_classes() -> None:
     assert (red - blue > 100).sum() > 500 and (blue - red > 100).sum() > 500
 
 
-def test_the_style_of_a_geopackage_has_the_colours_of_classes() -> None:
+def test_the_style_has_the_colours_of_classes() -> None:
     Path("c.csv").write_text("name,low,high,color\ndark,0,0.3,#0102ff\nbright,0.55,1,\n")
-    done("extract", "a.tif", "--classes", "c.csv", "-o", "a.gpkg")
-    style = geopandas.read_file("a.gpkg", layer="layer_styles")["styleQML"].iloc[0]
+    done("extract", "a.tif", "--classes", "c.csv", "-o", "a.gpkg", "--style", "qml")
+    style = Path("a.qml").read_text()
     assert 'attr="class"' in style and 'value="dark"' in style and 'value="bright"' in style
     assert "1,2,255" in style

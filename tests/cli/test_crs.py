@@ -42,7 +42,7 @@ def test_regions_are_where_geopandas_puts_them(crs: str, ending: str, tmp_path: 
     extracted("-o", target, "--crs", crs)
     extracted("-o", own)
     read = geopandas.read_parquet if ending == "parquet" else geopandas.read_file
-    found, expected = read(target), geopandas.read_file(own, layer="regions").to_crs(crs)
+    found, expected = read(target), geopandas.read_file(own).to_crs(crs)
     assert (
         found.crs.equals(expected.crs, ignore_axis_order=True)
         or found.crs.to_epsg() == expected.crs.to_epsg()

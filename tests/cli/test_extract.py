@@ -549,7 +549,7 @@ def test_what_ends_the_work_leaves_nothing(
 
 @pytest.mark.parametrize(
     ("writer", "output"),
-    [("pyogrio.raw.write", "out.fgb"), ("uavseg.regions.formats.geopackage.add_style", "out.gpkg")],
+    [("pyogrio.raw.write", "out.fgb"), ("uavseg.regions.formats.geopackage._add_metadata", "out.gpkg")],
 )
 def test_a_writer_that_fails_leaves_no_half_file(
     monkeypatch: pytest.MonkeyPatch, writer: str, output: str

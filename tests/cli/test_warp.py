@@ -78,7 +78,7 @@ def test_regions_are_those_of_the_whole_raster() -> None:
     found = done("extract", "left.tif", "right.tif", "--warp", *RANGE, "-o", "found.gpkg")
     assert found.stderr.count(NOTE) == 1 and "right.tif (pixels of 0.50" in found.stderr
     done("extract", "whole.tif", *RANGE, "-o", "whole.gpkg")
-    frames = [geopandas.read_file(name, layer="regions") for name in ("found.gpkg", "whole.gpkg")]
+    frames = [geopandas.read_file(name) for name in ("found.gpkg", "whole.gpkg")]
     assert_near(*frames, 0.5)
     largest = [frame.area_m2.nlargest(4).to_numpy() for frame in frames]
     assert np.allclose(*largest, rtol=0.01) and largest[0][3] > 1000
@@ -209,5 +209,5 @@ def test_halves_of_real_rasters_are_those_of_the_whole(
     how = ("--range", interval, "--stretch", stretch, "--collar", "keep", "--refine", "pixels")
     done("extract", "left.tif", "right.tif", "--warp", *how, "-o", "found.gpkg")
     done("extract", "whole.tif", *how, "-o", "whole.gpkg")
-    frames = [geopandas.read_file(each, layer="regions") for each in ("found.gpkg", "whole.gpkg")]
+    frames = [geopandas.read_file(each) for each in ("found.gpkg", "whole.gpkg")]
     assert_near(*frames, pixel)

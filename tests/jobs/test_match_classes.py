@@ -102,7 +102,7 @@ def test_the_command_says_how_many_regions_each_class_has(tile: Path, tmp_path: 
     file, target = samples(tmp_path / "s.gpkg", *NAMES), tmp_path / "out.gpkg"
     ran = CliRunner().invoke(main, ["match", str(tile), "--classes", str(file), "-o", str(target)])
     assert ran.exit_code == 0 and "meadow 1, roof 3, water 1" in ran.output
-    assert set(geopandas.read_file(target, layer="regions")["class"]) == set(NAMES)
+    assert set(geopandas.read_file(target)["class"]) == set(NAMES)
 
 
 @pytest.mark.slow

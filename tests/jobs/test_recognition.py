@@ -49,7 +49,7 @@ def library(tmp_path: Path) -> Path:
 
 
 def test_a_library_grows_and_keeps_what_it_held(library: Path) -> None:
-    frame = geopandas.read_file(library, layer="regions")
+    frame = geopandas.read_file(library)
     assert frame["name"].tolist() == ["disc", "bar", "ell"] and frame["id"].tolist() == [1, 2, 3]
     assert frame.crs is None and np.allclose(shapely.get_coordinates(frame.centroid), 0, atol=1e-6)
 
@@ -202,12 +202,12 @@ def test_wrong_libraries_are_refused(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_library_with_a_crs_learns_in_metres_around_centroids(library: Path, tmp_path: Path) -> None:
-    on_ground, local = tmp_path / "ground.gpkg", geopandas.read_file(library, layer="regions")
+    on_ground, local = tmp_path / "ground.gpkg", geopandas.read_file(library)
     named = REGIONS.assign(name=["disc", "bar", "ell"], since=pandas.Timestamp("2020-02-02"))
     named.to_crs("EPSG:3857").to_file(on_ground)
     with pytest.warns(UserWarning, match="had a CRS"):
         uavseg.recognise(seen_from(BAR, 4), on_ground, learn="bar", ids=[1])
-    frame = geopandas.read_file(on_ground, layer="regions")
+    frame = geopandas.read_file(on_ground)
     assert frame.crs is None and frame["name"].tolist() == ["disc", "bar", "ell", "bar"]
     assert frame["kind"].tolist()[:3] == ["a", "b", "c"] and frame["since"].str.startswith("2020").sum() == 3
     assert frame.area.tolist()[:3] == pytest.approx([DISC.area, BAR.area, ELL.area], rel=2e-3)  # scale of UTM
@@ -224,7 +224,7 @@ def test_an_example_that_was_seen_in_part_is_learned_with_a_warning(tmp_path: Pa
 
 @pytest.mark.slow
 def test_a_damaged_texture_is_none(library: Path, tmp_path: Path) -> None:
-    frame = geopandas.read_file(library, layer="regions")
+    frame = geopandas.read_file(library)
     frame["texture"] = ["1 2 3", "x " * 80, "-1 " * 80]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

@@ -97,7 +97,7 @@ def test_cells_of_any_range_are_the_regions_of_the_block_map(
         file = tmp_path / f"{low}-{high}.gpkg"
         ends = f"{low / 1000},{high / 1000}"
         run("extract", blocks, "--refine", "none", "--range", ends, "-o", file, "-q")
-        regions = geopandas.read_file(file, layer="regions")
+        regions = geopandas.read_file(file)
         assert sum(areas[2 * low : 2 * high + 1]) == pytest.approx(
             regions["area_m2"].sum(), rel=1e-5, abs=1e-6
         )

@@ -53,7 +53,7 @@ def test_what_is_drawn_is_what_the_block_map_answers(seen: dict[str, Any], tmp_p
         file = tmp_path / f"{low}-{high}.gpkg"
         ends = f"{low / 1000},{high / 1000}"
         run("extract", blocks, "--refine", "none", "--range", ends, "-o", file, "-q")
-        regions = geopandas.read_file(file, layer="regions")
+        regions = geopandas.read_file(file)
         area = regions["area_m2"].sum()
         text = f"{area:.0f} m\u00b2" if area < 1e4 else f"{area / 1e4:.2f} ha"
         assert shown["text"] == f"v {low / 1000:g} to {high / 1000:g}: {text} in range"

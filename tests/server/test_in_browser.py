@@ -66,7 +66,7 @@ def test_only_the_refused_question_is_an_error(seen: dict[str, Any]) -> None:
 
 
 def test_the_regions_that_are_downloaded_are_those_of_extract(seen: dict[str, Any], folder: Path) -> None:
-    found = geopandas.read_file(folder / "regions.gpkg", layer="regions")
+    found = geopandas.read_file(folder / "regions.gpkg")
     expected = uavseg.extract(SAMPLE, (0.55, 1), min_area=500)
     assert list(found["pixels"]) == list(expected["pixels"])
 

@@ -303,7 +303,7 @@ def _check_each(options: RegionOptions) -> None:
     """Refuse options that do not go with --each, each with what to do instead."""
     outputs, run, mission = options.outputs, options.run, getattr(options, "mission", None)
     refused = (
-        (outputs.style, "--style is for one source; a .gpkg carries its style, so give it as the output"),
+        (outputs.style, "--style is for one source"),
         (mission, "--mission is for one source; plan over each output with uavseg plan"),
         (run.resume, "--resume is for one source; --skip-existing leaves out what is done"),
         (run.scheduler, "--scheduler is for one source; --each uses the threads of this machine"),

@@ -49,8 +49,8 @@ class RegionOutputs(Options):
         python=False,
     )
     style: str | None = option(
-        "Also write a style for GIS programs beside the regions: STEM.qml for QGIS, or STEM.sld. "
-        "A .gpkg carries its style in any case.",
+        "Also write a style for GIS programs beside the regions: STEM.qml, with which QGIS shows them, or "
+        "STEM.sld.",
         choices=("qml", "sld"),
         python=False,
     )

@@ -90,7 +90,7 @@ def test_the_slider_gives_the_regions_of_the_block_map(name: str, tmp_path: Path
             expected,
             "-q",
         )
-        compare(answer, geopandas.read_file(expected, layer="regions"))
+        compare(answer, geopandas.read_file(expected))
         regions += len(answer["features"])
     assert regions > 10
 

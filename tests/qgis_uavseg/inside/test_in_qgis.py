@@ -7,6 +7,7 @@ In an environment with --system-site-packages of the Python of QGIS, pytest and 
 import json
 import os
 import stat
+import subprocess
 import threading
 from pathlib import Path
 from typing import Any
@@ -275,3 +276,13 @@ def test_selected_regions_alone_are_flown_over(
     assert sum(item.get("command") == 16 for item in items) == flown
     assert QgsVectorLayer(answers["LEGS"], "legs", "ogr").featureCount() == flown + 1
     project.removeMapLayer(layer)
+
+
+@pytest.mark.skipif(not os.environ.get("UAVSEG_PROGRAM"), reason="UAVSEG_PROGRAM names no program")
+def test_regions_are_shown_with_the_style_beside_them(qgis_app: Any, tmp_path: Path) -> None:
+    for name in ("a.gpkg", "b.fgb"):
+        words = ["levels", SAMPLES / "quarry.tif", "--width", "0.2", "-o", tmp_path / name, "--style", "qml"]
+        subprocess.run([os.environ["UAVSEG_PROGRAM"], *words], check=True, capture_output=True)
+        layer = QgsVectorLayer(str(tmp_path / name), "r", "ogr")
+        renderer = layer.renderer()
+        assert (renderer.type(), renderer.classAttribute()) == ("categorizedSymbol", "level")

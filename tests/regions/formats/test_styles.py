@@ -1,11 +1,14 @@
-"""Styles: well-formed, with a symbol for each class, in the GeoPackage and beside other files."""
+"""Styles: well-formed, with a symbol for each class, beside the files of regions."""
 
 import sqlite3
 import xml.etree.ElementTree as ET
 from contextlib import chdir, closing
 from pathlib import Path
 
+import geopandas
 import numpy as np
+import pandas
+import pyogrio
 import pytest
 import shapely
 from click.testing import CliRunner
@@ -14,6 +17,7 @@ from hypothesis import given, strategies as st
 from uavseg.cli import main
 from uavseg.raster.geodesy.globe import WGS84
 from uavseg.regions.formats.export import write_regions
+from uavseg.regions.formats.metadata import about_file
 from uavseg.regions.formats.read import read_regions
 from uavseg.regions.formats.styles import classes_of, qml, sld
 from uavseg.regions.table import Regions
@@ -91,20 +95,24 @@ def test_sld_has_the_structure_of_its_schema(found: Regions) -> None:
             assert set(children) == {"CssParameter"}
 
 
-def test_a_geopackage_carries_its_style_as_the_default(tmp_path: Path) -> None:
+def test_a_geopackage_holds_one_layer(tmp_path: Path) -> None:
     path = tmp_path / "a.gpkg"
     write_regions(of_classes("a", "b", "a"), path)
     with closing(sqlite3.connect(path)) as base:
-        [(layer, column, default, style, other)] = base.execute(
-            "SELECT f_table_name, f_geometry_column, useAsDefault, styleQML, styleSLD FROM layer_styles"
-        )
-        [(geometry,)] = base.execute("SELECT column_name FROM gpkg_geometry_columns")
-        classes = dict(base.execute("SELECT table_name, data_type FROM gpkg_contents"))
+        assert dict(base.execute("SELECT table_name, data_type FROM gpkg_contents")) == {
+            "regions": "features"
+        }
         assert base.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-    assert (layer, column, default) == ("regions", geometry, 1)
-    assert classes == {"regions": "features", "layer_styles": "attributes"}
-    assert ET.fromstring(style).tag == "qgis" and ET.fromstring(other.encode()).tag.endswith("Descriptor")
-    assert len(read_regions(path)) == 3  # the table of styles is no second layer of regions
+    assert len(geopandas.read_file(path)) == 3  # a warning of a second layer is an error in these tests
+
+
+def test_the_table_in_which_qgis_saves_styles_is_no_layer_of_regions(tmp_path: Path) -> None:
+    path = tmp_path / "a.gpkg"
+    write_regions(of_classes("a", "b", "a"), path)
+    styles = pandas.DataFrame({"f_table_name": ["regions"], "styleQML": ["<qgis/>"]})
+    pyogrio.write_dataframe(styles, path, layer="layer_styles", append=True)
+    assert len(pyogrio.list_layers(path)) == 2
+    assert len(read_regions(path)) == 3 and about_file(path).others == 0
 
 
 def test_the_same_regions_give_the_same_bytes(tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from uavseg.arrays import Float32s, Floats
 from uavseg.errors import OutputError
 from uavseg.raster.geodesy.globe import WGS84, define_crs
 from uavseg.regions.formats.metadata import METADATA_KEY, metadata_text
-from uavseg.regions.formats.styles import add_style
 from uavseg.regions.shapes import PolygonArray, batch_slices, flat_part, has_multipolygons
 from uavseg.regions.table import Regions
 
@@ -41,7 +40,7 @@ _CELL = np.dtype([("id", ">i8"), ("bounds", ">f4", 4)])  # of a node of the spat
 
 
 def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> None:
-    """Write regions as one layer of a new GeoPackage, with a spatial index, their metadata and style.
+    """Write regions as one layer of a new GeoPackage, with a spatial index and their metadata.
 
     The file is not there yet; after an error, a part of it is. `date` is that of the last change, such as
     "2000-01-01T00:00:00Z". An OutputError says that SQLite cannot write it, such as to a full disk, or that
@@ -59,7 +58,6 @@ def write_geopackage(regions: Regions, path: Path, layer: str, date: str) -> Non
             base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, ?)", (layer, len(regions)))
             if regions.metadata:
                 _add_metadata(base, layer, metadata_text(regions.metadata), date)
-            add_style(base, regions, layer, GEOMETRY, date)
             triggers = _sql("triggers").format(t=layer, g=GEOMETRY, bounds=_NEW_BOUNDS)
             base.executescript(f"BEGIN; {triggers}COMMIT;")
     except sqlite3.Error as error:

@@ -22,7 +22,6 @@ from uavseg.raster.access.opening import file_exists
 from uavseg.raster.access.untrusted import check_database, open_database
 from uavseg.regions.formats import vector_files
 from uavseg.regions.formats.read import KML_FIELDS, vector_errors
-from uavseg.regions.formats.styles import STYLE_TABLE
 
 METADATA_KEY = "uavseg"
 _HEAD = 4 << 20  # bytes at the beginning of a text file, where its metadata is
@@ -117,9 +116,7 @@ def about_file(path: str | os.PathLike[str]) -> RegionFile:
 def _about_layer(path: str | os.PathLike[str], name: str, file_format: str) -> RegionFile:
     import pyogrio
 
-    layers = [layer for layer in map(str, pyogrio.list_layers(path)[:, 0]) if layer != STYLE_TABLE]
-    if not layers:
-        raise RegionError(f"{name} holds no layer of regions")
+    layers = vector_files.region_layers(path, name)
     vector_files.check_feature_count(path, name, layers[0])
     info = pyogrio.read_info(path, layer=layers[0], force_feature_count=True, force_total_bounds=True)
     reader = {"GeoJSON": read_json_metadata, "KML": read_kml_metadata}.get(file_format)

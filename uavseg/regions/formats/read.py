@@ -167,13 +167,10 @@ def vector_errors(name: str) -> Iterator[None]:
 
 def _layers(source: Path_ | bytes, name: str, layer: str | None) -> Any:
     import pandas
-    import pyogrio
 
     if isinstance(source, bytes):
         return _layer(source, name)
-    layers = [known for known in map(str, pyogrio.list_layers(source)[:, 0]) if known != "layer_styles"]
-    if not layers:
-        raise RegionError(f"{name} holds no layer of regions")
+    layers = vector_files.region_layers(source, name)
     if layer is not None and layer not in layers:
         raise RegionError(f"{name} has no layer {layer!r}; it has {', '.join(layers)}")
     wanted = layers if layer is None else [layer]

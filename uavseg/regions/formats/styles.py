@@ -1,11 +1,9 @@
 """Styles of regions for GIS programs: QML for QGIS, and SLD 1.0 (OGC 02-070).
 
-They are beside the file of the regions, or in a GeoPackage (layer_styles of QGIS). Regions are filled half
-transparent and outlined: in one colour, in one for each class where they have a column `class`, or graduated
-where they have levels.
+They are beside the file of the regions. Regions are filled half transparent and outlined: in one colour, in
+one for each class where they have a column `class`, or graduated where they have levels.
 """
 
-import sqlite3
 from html import escape
 from itertools import cycle
 from pathlib import Path
@@ -24,11 +22,6 @@ _OUTLINE_PX = 1.5  # in SLD
 _PALETTE = ("#1f78b4", "#e6ab02", "#33a02c", "#e31a1c", "#6a3d9a", "#b15928", "#a6761d", "#666666")
 _RAMP = ("#440154", "#fde725")  # the ends of viridis
 _RAMP_MIDDLE = "#21918c"
-STYLE_TABLE = "layer_styles"
-_CREATE = f"""CREATE TABLE {STYLE_TABLE} (
-    id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, f_table_catalog TEXT(256), f_table_schema TEXT(256),
-    f_table_name TEXT(256), f_geometry_column TEXT(256), styleName TEXT(30), styleQML TEXT, styleSLD TEXT,
-    useAsDefault BOOLEAN, description TEXT, owner TEXT(30), ui TEXT(30), update_time DATETIME)"""
 
 
 def classes_of(regions: Regions) -> tuple[str, tuple[Class, ...]] | None:
@@ -157,22 +150,3 @@ def write_style(regions: Regions, target: Path_, format: str, overwrite: bool = 
     with atomic_file(path, overwrite) as part:
         part.write_text(text, encoding="utf-8")
     return path
-
-
-def add_style(base: sqlite3.Connection, regions: Regions, layer: str, geometry: str, date: str) -> None:
-    """Add the style of a layer to a GeoPackage, as its default.
-
-    `geometry` is the name of the column of geometries of the layer, `date` that of the change, such as
-    "2000-01-01T00:00:00Z".
-    """
-    row = ("", "", layer, geometry, layer, qml(regions), sld(regions, layer), True, "", "", None)
-    base.execute(_CREATE)
-    base.execute(
-        f"INSERT INTO {STYLE_TABLE} VALUES (1, {', '.join('?' * 12)})", (*row, date.replace("Z", ".000Z"))
-    )
-    base.execute(
-        "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, last_change, srs_id) "
-        "VALUES (?, 'attributes', ?, '', ?, 0)",
-        (STYLE_TABLE, STYLE_TABLE, date),
-    )
-    base.execute("INSERT INTO gpkg_ogr_contents VALUES (?, 1)", [STYLE_TABLE])

@@ -166,6 +166,19 @@ def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
         pyogrio.set_gdal_config_options(before)
 
 
+def region_layers(source: Path_, name: str) -> list[str]:
+    """Return the names of the layers of a file, without the table in which QGIS saves styles of others.
+
+    A RegionError says that there is none; `name` is for messages.
+    """
+    import pyogrio
+
+    layers = [layer for layer in map(str, pyogrio.list_layers(source)[:, 0]) if layer != "layer_styles"]
+    if not layers:
+        raise RegionError(f"{name} holds no layer of regions")
+    return layers
+
+
 def check_feature_count(source: Path_ | bytes, name: str, layer: str | None = None) -> int:
     """Return how many features a layer claims, -1 if that is not known before they are read.
 

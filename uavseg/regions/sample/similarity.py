@@ -31,6 +31,7 @@ MIN_PIXELS = 64  # of a sample
 _WINDOWS = 32  # along each side of the raster, in which its colours are sampled
 _WINDOW = 12  # pixels, at most
 _STEP = 4  # pixels between those that are sampled
+_BETWEEN = 2000  # values between two windows, read in less time than another read takes
 _MIN_SHARE = 0.05  # of the raster that is undecided, below which no sample is proposed
 _MIN_UNCERTAINTY = 0.5  # of the pixels of a disc on average
 _MIN_RADIUS, _MAX_RADIUS = 8.0, 16.0  # pixels
@@ -164,21 +165,48 @@ def spread_stretches(dataset: Dataset, tile_pass: TilePass) -> list[Stretch]:
 
 
 def _spread(
-    read: Callable[[Window], NDArray[Any]], dataset: Dataset, tile_pass: TilePass
+    read: Callable[[Sequence[Window]], list[NDArray[Any]]], dataset: Dataset, tile_pass: TilePass
 ) -> list[NDArray[Any]]:
     """Read small windows spread evenly over a raster, in the order of the file's blocks."""
-    windows, (rows, cols) = spread_windows(dataset.geobox.shape, _WINDOWS, _WINDOW), dataset.file_block
-    order = sorted(range(len(windows)), key=lambda k: (windows[k].row // rows, windows[k].col // cols))
-    found = dict(zip(order, tile_pass.silent.run(read, [windows[k] for k in order]), strict=True))
-    return [found[k] for k in range(len(windows))]
+    rows, cols = dataset.file_block
+    groups = _groups(spread_windows(dataset.geobox.shape, _WINDOWS, _WINDOW), cols, len(dataset.bands))
+    order = sorted(range(len(groups)), key=lambda k: (groups[k][0].row // rows, groups[k][0].col // cols))
+    found = dict(zip(order, tile_pass.silent.run(read, [groups[k] for k in order]), strict=True))
+    return [one for k in range(len(groups)) for one in found[k]]
 
 
-def _values(dataset: Dataset, window: Window) -> Floats:
-    """Return stored values of every fourth pixel of a window in every fourth row: (n, bands)."""
-    values, valid = dataset.read(window)
-    chosen = np.s_[_STEP // 2 :: _STEP, _STEP // 2 :: _STEP]
+def _groups(windows: Sequence[Window], cols: int, bands: int) -> list[list[Window]]:
+    """Divide windows, row by row, into groups that are read at once, as no other blocks lie between them.
+
+    A block of the file has so many columns.
+    """
+    result: list[list[Window]] = []
+    for window in windows:
+        last = result[-1][-1] if result else window
+        end = last.col + last.cols
+        near = window.col // cols - (end - 1) // cols <= 1 and (window.col - end) * bands <= _BETWEEN
+        if result and last.row == window.row and near:
+            result[-1].append(window)
+        else:
+            result.append([window])
+    return result
+
+
+def _around(windows: Sequence[Window]) -> tuple[Window, list[tuple[slice, slice]]]:
+    """Return the window around windows of one row, and every fourth pixel of each in every fourth row."""
+    first, last = windows[0], windows[-1]
+    around = replace(first, cols=last.col + last.cols - first.col)
+    down = slice(_STEP // 2, first.rows, _STEP)
+    parts = [one.relative_to(around) for one in windows]
+    return around, [(down, slice(one.col + _STEP // 2, one.col + one.cols, _STEP)) for one in parts]
+
+
+def _values(dataset: Dataset, windows: Sequence[Window]) -> list[Floats]:
+    """Return stored values of every fourth pixel of windows in every fourth row: each (n, bands)."""
+    around, places = _around(windows)
+    values, valid = dataset.read(around)
     known = np.ones(values.shape[1:], bool) if valid is None else valid
-    return values[:, *chosen][:, known[chosen]].T.astype(np.float64)
+    return [values[:, *chosen][:, known[chosen]].T.astype(np.float64) for chosen in places]
 
 
 def _colors_of(
@@ -196,14 +224,13 @@ def _colors_of(
     return colors
 
 
-def _colors(bands: Sequence[GreySource], window: Window) -> Uint16s:
-    """Return blurred colours of every fourth pixel of a window in every fourth row: (n, bands)."""
-    if bands[0].dataset.is_empty(window):
-        return np.empty((0, len(bands)), np.uint16)
-    planes, valid = _read_blurred(bands, window, 0)
-    chosen = np.zeros(valid.shape, bool)
-    chosen[_STEP // 2 : window.rows : _STEP, _STEP // 2 : window.cols : _STEP] = True
-    return np.stack([plane[chosen & (valid != 0)] for plane in planes], 1)
+def _colors(bands: Sequence[GreySource], windows: Sequence[Window]) -> list[Uint16s]:
+    """Return blurred colours of every fourth pixel of windows in every fourth row: each (n, bands)."""
+    around, places = _around(windows)
+    if bands[0].dataset.is_empty(around):
+        return [np.empty((0, len(bands)), np.uint16) for _ in windows]
+    planes, valid = _read_blurred(bands, around, 0)
+    return [np.stack([plane[chosen][valid[chosen] != 0] for plane in planes], 1) for chosen in places]
 
 
 def _sample_colors(bands: Sequence[GreySource], place: SampleMask) -> Uint16s:
