@@ -195,10 +195,13 @@ def built(session: nox.Session, folder: Path) -> list[Path]:
     tracked = str(listed).splitlines()
     source_folder = folder / "source"  # without what an earlier build has left in this one
     copy(tracked, source_folder)
-    build = ("python", "-m", "build", "--outdir", str(folder))
+    build = ("python", "-m", "build", "--outdir", str(folder), str(source_folder))
     nothing = {"UAVSEG_BUILD_KERNELS": "none"}
-    session.run(*build, "--wheel", str(source_folder), silent=True, env=nothing)
-    session.run(*build, str(source_folder), silent=True, env={"UAVSEG_BUILD_KERNELS": "all"})
+    session.run(*build, "--wheel", silent=True, env=nothing)
+    session.run(*build, "--sdist", silent=True)
+    # Libraries that are here are kept where they are current, and compiled again where they are not.
+    copy((str(path.relative_to(ROOT)) for path in ROOT.glob("uavseg/_jit/libraries/*.so")), source_folder)
+    session.run(*build, "--wheel", silent=True, env={"UAVSEG_BUILD_KERNELS": "all"})
     [pure], [wheel], [sdist] = (
         list(folder.glob(ending))
         for ending in ("*-py3-none-any.whl", "*-py3-none-linux_x86_64.whl", "*.tar.gz")
