@@ -20,6 +20,8 @@ from uavseg.raster.grid.geobox import GeoBox
 from uavseg.raster.grid.tiling import TilePass, Window
 from uavseg.units import GREY_MAX
 
+_LEAST_M = 1e-6  # the side of a cell: far smaller ones make more cells than there are numbers
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MergedMap(WritableMap):
@@ -39,8 +41,8 @@ def merge_maps(
     The grid is that of the first map, extended; with `crop` only as far as cells are known, with `unrotate`
     with a yaw of 0, or of another `resolution`, the side of a cell in metres.
     """
-    if resolution is not None and not 0 < resolution < float("inf"):
-        raise ParameterError(f"resolution is metres per cell, a number above 0, not {resolution:g}")
+    if resolution is not None and not _LEAST_M <= resolution < float("inf"):
+        raise ParameterError(f"resolution is metres per cell, {_LEAST_M:f} or more, not {resolution:g}")
     if not sources:
         raise ParameterError("name at least one map")
     warnings: list[str] = []
