@@ -180,6 +180,7 @@ def map_page(
     regions: Any = None,
     mission: Any = None,
     camera: Any = None,
+    installable: bool = False,
     size: int = 2048,
     band: int | str | None = None,
     rgb: tuple[int | str, int | str, int | str] | None = None,
@@ -219,6 +220,9 @@ def map_page(
     camera : str, path or Camera, optional
         The camera of the missions, for the footprints of their photographs: a name that `uavseg cameras`
         lists, or a JSON file. By default that of what `uavseg.plan` gives; a file does not hold it.
+    installable : bool
+        Whether to write STEM.sw.js and STEM.webmanifest beside the page: from a web server (https), a browser
+        keeps it at the first visit, shows it without network, and can install it.
     size : int
         Longest side of the picture of the raster in pixels, 64 to 8192.
     method, threshold, intensity_step
@@ -245,7 +249,7 @@ def map_page(
     options = build(MapOptions, locals())
     request = FieldMapRequest(options.division.segment_params(), size)
     with allowing(allow_path, allow_network):
-        page = PageFile.prepared(output, overwrite, source, regions, mission, camera)
+        page = PageFile.prepared(output, overwrite, source, regions, mission, camera, installable)
         found = field_map(page.open_source(source, options.read), request, work(options.run))
         _, notes = page.write(found)
     warn(notes)

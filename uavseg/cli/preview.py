@@ -116,7 +116,9 @@ def map(options: MapOptions, reporter: Reporter) -> None:  # noqa: A001 - the na
     request = FieldMapRequest(options.division.segment_params(), options.size.size)
     rasters, overwrite = options.source.rasters, options.files.overwrite
     output = options.output or f"{stem_of(rasters[0])}.map.html"
-    page = PageFile.prepared(output, overwrite, rasters, options.regions, options.mission, options.camera)
+    page = PageFile.prepared(
+        output, overwrite, rasters, options.regions, options.mission, options.camera, options.installable
+    )
     source = page.open_source(rasters, options.read)
     found = field_map(source, request, work_of(options.run, reporter))
     size, notes = page.write(found)

@@ -69,6 +69,11 @@ class MapOptions(Options):
         basic=True,
     )
     output: Any = output_option("The page.  [default: STEM.map.html here]", "PATH.html", required=False)
+    installable: bool = option(
+        "Also write STEM.sw.js and STEM.webmanifest beside the page: from a web server (https), a browser "
+        "keeps it at the first visit, shows it without network, and can install it.",
+        default=False,
+    )
     size: PictureOptions = group(PictureOptions)
     read: ReadOptions = group(ReadOptions, *ONLY_MAPS, "flatten", **RASTER_STRETCH)
     division: DivisionOptions = group(DivisionOptions)

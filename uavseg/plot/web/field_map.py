@@ -3,6 +3,7 @@
 import base64
 import hashlib
 import html
+import io
 import json
 import math
 import os
@@ -12,6 +13,7 @@ from functools import cache
 from pathlib import Path
 from string import Template
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import shapely
@@ -32,7 +34,7 @@ from uavseg.jobs.source.source import Raster, Source
 from uavseg.jobs.web_map.content import STEPS, FieldMap
 from uavseg.options.flights import PhotoOptions
 from uavseg.options.reading import ReadOptions
-from uavseg.output.atomic import atomic_file, check_target
+from uavseg.output.atomic import atomic_file, check_target, transaction
 from uavseg.plain_text import printable
 from uavseg.plot.layers.mission_layer import path_numbers, read_missions
 from uavseg.plot.page.page import length_text
@@ -43,6 +45,7 @@ Json = dict[str, Any]
 DEFAULT_RANGE = (550, 1000)  # in steps of the slider
 _PLAIN_BYTES, _LARGE_BYTES = 1 << 20, 10 << 20  # of regions as they are, of a page without a warning
 _FOOTPRINT_DECIMALS, _REGION_DECIMALS = 7, 9  # of degrees: a centimetre, a tenth of a millimetre
+_ICON = 192  # pixels along each side
 _ASSETS = Path(__file__).parent / "assets"
 _PROGRAM = (
     *("blocks.js", "outlines.js", "elements.js", "regions.js", "cells.js", "slider.js", "missions.js"),
@@ -52,13 +55,16 @@ _SERVED = ("asking.js", "drawing.js", "code_tiles.js", "served.js")  # before ap
 _MAPPED = "//# sourceMappingURL"
 
 
-def render_page(title: str, data: dict[str, Any], served: bool = False, embedded: bool = False) -> bytes:
+def render_page(
+    title: str, data: dict[str, Any], served: bool = False, embedded: bool = False, manifest: str = ""
+) -> bytes:
     """Render the content of an HTML file with data for its program, values of JSON.
 
     The page has a Content-Security-Policy that allows nothing but its own script and style, by their hashes,
     workers that this script makes, and images within the file: content of data can neither run nor load
     anything. A `served` page may send requests to its server, and no other; an `embedded` one exchanges its
-    range with the window that frames it.
+    range with the window that frames it. One with a `manifest`, a file beside it, may be kept by a service
+    worker beside it too.
     """
     script, style = _script(served, embedded), _style()
     sources = "img-src data: 'self'; connect-src 'self'" if served else "img-src data:"
@@ -66,13 +72,16 @@ def render_page(title: str, data: dict[str, Any], served: bool = False, embedded
         f"default-src 'none'; script-src '{_hash(script)}'; style-src '{_hash(style)}'; "
         f"worker-src blob:; {sources}; base-uri 'none'; form-action 'none'"
     )
+    if manifest:
+        policy = policy.replace("worker-src", "manifest-src 'self'; worker-src 'self'")
+    link = '<link rel="icon" href="data:,">' if served else ""  # or the browser asks for one
     # JSON without a character that ends a script element or begins a comment in one
     encoded = json.dumps(data, ensure_ascii=True, allow_nan=False, separators=(",", ":"))
     encoded = encoded.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     page = Template(asset("page.html")).substitute(
         policy=policy,
         title=html.escape(title),
-        icon='<link rel="icon" href="data:,">' if served else "",  # or the browser asks for one
+        link=f'<link rel="manifest" href="{quote(manifest)}">' if manifest else link,
         licence=asset("leaflet/LICENSE").replace("--", "- -"),
         style=style,
         data=encoded,
@@ -112,11 +121,33 @@ def asset(name: str) -> str:
 
 
 def page_of(
-    field_map: FieldMap, regions: Json | None, missions: Sequence[Json], server: Json | None = None
+    field_map: FieldMap,
+    regions: Json | None,
+    missions: Sequence[Json],
+    server: Json | None = None,
+    beside: Sequence[Path] = (),
 ) -> bytes:
-    """Render a map as HTML, with regions and missions as read here; `server` is what a server offers."""
-    data = data_of(field_map, regions, missions) | {"server": server}
-    return render_page(title_of(field_map), data, served=server is not None)
+    """Render a map as HTML, with regions and missions as read here; `server` is what a server offers.
+
+    The service worker and the manifest of an installable page are the files `beside` it.
+    """
+    keeper, manifest = [path.name for path in beside] or ["", ""]
+    data = data_of(field_map, regions, missions) | {"server": server, "keeper": quote(keeper)}
+    return render_page(title_of(field_map), data, served=server is not None, manifest=manifest)
+
+
+def _installing(page: str, manifest_name: str, field_map: FieldMap) -> list[bytes]:
+    """Return the service worker and the manifest of a page, with the picture as its icon."""
+    from PIL import Image, ImageOps
+
+    icon, address = io.BytesIO(), quote(page)
+    with Image.open(io.BytesIO(field_map.image.webp)) as image:
+        ImageOps.fit(image.convert("RGB"), (_ICON, _ICON)).save(icon, "PNG")
+    worker = Template(asset("keep.js")).safe_substitute(page=address, manifest=quote(manifest_name))
+    shown = {"src": data_url(icon.getvalue(), "image/png"), "sizes": f"{_ICON}x{_ICON}", "type": "image/png"}
+    title, places = title_of(field_map), {"start_url": address, "scope": address}
+    manifest = {"name": title, "short_name": title, **places, "display": "standalone", "icons": [shown]}
+    return [worker.encode(), json.dumps(manifest, indent=2).encode()]
 
 
 def title_of(field_map: FieldMap) -> str:
@@ -267,6 +298,7 @@ class PageFile:
     regions: dict[str, Any] | None  # a GeoJSON FeatureCollection
     flights: list[dict[str, Any]]  # see `read_flights`
     camera: Any = None  # for footprints
+    beside: tuple[Path, ...] = ()  # the service worker and the manifest of an installable page
 
     @classmethod
     def prepared(
@@ -277,6 +309,7 @@ class PageFile:
         regions: Any = None,
         missions: Any = None,
         camera: Any = None,
+        installable: bool = False,
     ) -> "PageFile":
         """Check that the page may be written, and read what is shown; call it before the work.
 
@@ -285,11 +318,13 @@ class PageFile:
         if Path(output).suffix.lower() not in {".html", ".htm"}:
             why = "a map is an HTML file: expected a name that ends in .html"
             raise OutputError(f"{why}, got {Path(output).name!r}")
-        target = check_target(output, overwrite)
-        keep_inputs([target], [source, regions, missions, camera])
+        names = [Path(output).with_suffix(ending) for ending in [".sw.js", ".webmanifest"] * installable]
+        target, *beside = (check_target(path, overwrite) for path in (output, *names))
+        keep_inputs([target, *beside], [source, regions, missions, camera])
         collection = None if regions is None else read_collection(regions)
         flights = [] if missions is None else read_flights(missions, camera)
-        return cls(path=target, overwrite=overwrite, regions=collection, flights=flights, camera=camera)
+        shown = {"regions": collection, "flights": flights, "camera": camera}
+        return cls(path=target, overwrite=overwrite, beside=tuple(beside), **shown)
 
     def open_source(self, source: Any, options: ReadOptions) -> Source:
         """Open the raster of the page, in the intensity of its regions where no other one is chosen."""
@@ -309,9 +344,12 @@ class PageFile:
 
     def write(self, field_map: FieldMap) -> tuple[int, tuple[str, ...]]:
         """Write the page, whole or not at all, and return its size in bytes and warnings."""
-        content = page_of(field_map, self.regions, self.flights)
-        with atomic_file(self.path, self.overwrite) as temporary:
-            temporary.write_bytes(content)
+        content = page_of(field_map, self.regions, self.flights, beside=self.beside)
+        more = _installing(self.path.name, self.beside[1].name, field_map) if self.beside else []
+        with transaction():
+            for path, written in zip((self.path, *self.beside), (content, *more), strict=True):
+                with atomic_file(path, self.overwrite) as temporary:
+                    temporary.write_bytes(written)
         other = other_intensity(self.regions, field_map.info)
         notes = [other] if other else []
         if self.camera is not None and not self.flights:

@@ -24,6 +24,13 @@
   document.getElementById("about").textContent = data.about;
   for (const note of data.notes) panel.append(make("p", {className: "warning", textContent: note}));
 
+  const {kept} = document.documentElement.dataset; // of a page that no server has sent now, see keep.js
+  if (kept) {
+    const date = Number(kept) ? `on ${new Date(Number(kept)).toLocaleString()}` : "earlier";
+    panel.append(make("p", {className: "warning", textContent: `Its server does not answer: the page as it was loaded ${date}.`}));
+  }
+  if (data.keeper && location.protocol !== "file:") navigator.serviceWorker?.register(data.keeper, {scope: location.pathname});
+
   const toggle = document.getElementById("toggle");
   toggle.onclick = () => {
     toggle.ariaExpanded = String(!document.body.classList.toggle("closed"));
