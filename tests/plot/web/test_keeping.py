@@ -92,5 +92,5 @@ def test_no_file_beside_the_page_is_overwritten(name: str, tmp_path: Path) -> No
 def test_a_page_that_is_not_installable_names_no_other_file(tmp_path: Path) -> None:
     uavseg.map_page(SAMPLE, tmp_path / "a.html", size=64)
     text = (tmp_path / "a.html").read_text()
-    assert 'rel="manifest"' not in text and "worker-src blob:" in text and '"keeper":""' in text
+    assert 'rel="manifest"' not in text and "worker-src blob:" in text and '"keeper":null' in text
     assert [path.name for path in tmp_path.iterdir()] == ["a.html"]

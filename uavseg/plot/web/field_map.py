@@ -132,7 +132,7 @@ def page_of(
     The service worker and the manifest of an installable page are the files `beside` it.
     """
     keeper, manifest = [path.name for path in beside] or ["", ""]
-    data = data_of(field_map, regions, missions) | {"server": server, "keeper": quote(keeper)}
+    data = data_of(field_map, regions, missions) | {"server": server, "keeper": quote(keeper) or None}
     return render_page(title_of(field_map), data, served=server is not None, manifest=manifest)
 
 
@@ -168,6 +168,7 @@ def data_of(field_map: FieldMap, regions: Json | None, missions: Sequence[Json])
         "regions": regions if len(text) < _PLAIN_BYTES else {"packed": _packed(text, 6)},
         "missions": list(missions),
         "server": None,
+        "keeper": None,
     }
 
 
