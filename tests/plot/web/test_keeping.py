@@ -10,18 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 import uavseg
-from tests.plot.web.test_in_browser import CHROMIUM, NODE, REQUIRED, SAMPLE, has_playwright
+from tests.plot.web.test_in_browser import CHROMIUM, NODE, SAMPLE, has_playwright, pytestmark as in_chromium
 from uavseg.cli import main
 from uavseg.errors import OutputExistsError
 
 SHORE, THERMAL = SAMPLE.with_name("shore.tif"), SAMPLE.with_name("thermal.tif")
-SIZES = ["phone", "desktop"]
-in_chromium = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        not REQUIRED and not has_playwright(), reason="needs chromium, node and playwright-core"
-    ),
-]
+SIZES = [pytest.param(size, marks=in_chromium) for size in ("phone", "desktop")]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +33,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return answer
 
 
-@pytest.mark.parametrize("size", [pytest.param(size, marks=in_chromium) for size in SIZES])
+@pytest.mark.parametrize("size", SIZES)
 def test_a_page_is_shown_without_its_server_after_the_first_visit(size: str, seen: dict[str, Any]) -> None:
     found = seen[size]
     assert found["errors"] == [] and found["first"]["notes"] == found["second"]["notes"] == []
@@ -53,7 +47,7 @@ def test_a_page_is_shown_without_its_server_after_the_first_visit(size: str, see
         )
 
 
-@pytest.mark.parametrize("size", [pytest.param(size, marks=in_chromium) for size in SIZES])
+@pytest.mark.parametrize("size", SIZES)
 def test_a_newer_page_is_shown_at_once_and_kept_in_place_of_the_old(size: str, seen: dict[str, Any]) -> None:
     found = seen[size]
     assert found["replaced"]["title"] == found["kept"]["title"] == "thermal.tif"
@@ -62,7 +56,7 @@ def test_a_newer_page_is_shown_at_once_and_kept_in_place_of_the_old(size: str, s
     assert found["files"] == [1, 1]
 
 
-@pytest.mark.parametrize("size", [pytest.param(size, marks=in_chromium) for size in SIZES])
+@pytest.mark.parametrize("size", SIZES)
 def test_a_browser_can_install_it(size: str, seen: dict[str, Any]) -> None:
     assert seen[size]["installability"] == [] and seen[size]["manifest"] == []
 

@@ -24,9 +24,7 @@ PLACE = from_origin(4e5, 5e6, 1, 1)
 
 
 def write(path: Path, planes: NDArray[np.uint16], block: int | None) -> None:
-    layout: dict[str, Any] = (
-        {} if block is None else {"tiled": True, "blockxsize": block, "blockysize": block}
-    )
+    layout = {"tiled": True, "blockxsize": block, "blockysize": block} if block else {}
     count, height, width = planes.shape
     size = {"count": count, "height": height, "width": width, "dtype": "uint16", "nodata": 0}
     with rasterio.open(path, "w", "GTiff", crs="EPSG:32618", transform=PLACE, **size, **layout) as file:

@@ -169,7 +169,7 @@ def gdal_options(options: Mapping[str, str]) -> Iterator[None]:
 def region_layers(source: Path_, name: str) -> list[str]:
     """Return the names of the layers of a file, without the table in which QGIS saves styles of others.
 
-    A RegionError says that there is none; `name` is for messages.
+    A file without such a layer is refused with a RegionError; `name` is for messages.
     """
     import pyogrio
 
